@@ -1,0 +1,133 @@
+#pragma once
+
+#include "plugins/registry.hpp"
+#include "scene/rigid_motion.hpp"
+#include "scene/sampling.hpp"
+#include "scene/shape.hpp"
+
+#include <filesystem>
+#include <optional>
+#include <string>
+#include <vector>
+
+namespace cleave::config {
+
+/// Place in a configuration file, 1-based. line 0: not from a file (an override given on the command line).
+struct Location {
+  std::string file;
+  int line = 0, column = 0;
+};
+std::string to_string(const Location&);  ///< "scene.toml:12:5"
+
+enum class Precision { single_precision, double_precision };
+enum class Transfer { apic, flip, pic };
+
+struct Simulation {
+  int dimension = 3;
+  double cell_size = 0;   ///< m
+  double end_time = 0;    ///< s
+  double frame_rate = 24; ///< frames per simulated second
+  std::optional<double> time_step;            ///< s; empty: automatic
+  double maximum_time_step = 0;               ///< s, upper limit of the automatic step; 0: none
+  double cfl = 0.4;                           ///< fraction of the elastic limit dx/c for the automatic step
+  Precision precision = Precision::single_precision;
+  Vector3 gravity = Vector3(0, 0, 0);         ///< m/s^2
+  Transfer transfer = Transfer::apic;
+  double flip_ratio = 0.95;                   ///< of Transfer::flip
+};
+
+/// A plugin with the parameters the scene gives it, checked against its schema.
+struct PluginUse {
+  std::string id;  ///< "elasticity/split-neo-hookean"
+  plugins::GivenParameters parameters;
+  Location where;
+};
+
+struct Fibers {
+  Vector3 direction = Vector3::UnitX();   ///< unit
+  std::optional<Vector3> second;          ///< unit, orthogonal to the first
+};
+
+struct Material {
+  std::string name;
+  double density = 0;  ///< kg/m^3
+  PluginUse elasticity;
+  std::optional<PluginUse> plasticity, damage, constraint;
+  std::optional<Fibers> fibers;
+  Location where;
+};
+
+struct Spin {
+  Vector3 angular_velocity = Vector3::Zero();  ///< rad/s
+  std::optional<Vector3> center;               ///< m; empty: the body's centre of mass
+};
+
+struct Body {
+  std::string name;
+  std::string material;
+  std::optional<scene::ShapeSpec> shape;             ///< one of shape and particle_file
+  std::optional<std::filesystem::path> particle_file;
+  scene::SamplingSpec sampling;
+  Vector3 velocity = Vector3::Zero();
+  Spin spin;
+  Location where;
+};
+
+enum class Contact {
+  sticky,   ///< no relative motion
+  slip,     ///< free along the surface (friction applies), never off it
+  separate  ///< the same, but free to leave
+};
+
+struct Collider {
+  std::string name;
+  scene::ShapeSpec shape;
+  Contact contact = Contact::separate;
+  double friction = 0;  ///< Coulomb coefficient
+  scene::RigidMotion motion;
+  Location where;
+};
+
+/// Particles of `body` (all bodies if empty) inside `region` at the start follow `motion` until `release`.
+struct Handle {
+  std::string name;
+  std::string body;
+  scene::ShapeSpec region;
+  scene::RigidMotion motion;
+  double release = std::numeric_limits<double>::infinity();  ///< s
+  Location where;
+};
+
+struct Output {
+  std::vector<std::string> formats = {"vdb"};  ///< any of "vdb", "vtp", "ply"
+  bool surface = false;                        ///< vdb: also a level set of each body's surface
+  std::vector<std::string> attributes;         ///< beyond id and velocity: state names, "F", "J", "damage", ...; empty: all declared
+};
+
+struct Scene {
+  std::filesystem::path file;
+  Simulation simulation;
+  std::vector<Material> materials;
+  std::vector<Body> bodies;
+  std::vector<Collider> colliders;
+  std::vector<Handle> handles;
+  Output output;
+};
+
+/// "path=value" from the command line: path as simulation.cell_size, material.0.density or material.clay.density,
+/// value as TOML (bare words are taken as strings).
+struct Override {
+  std::string path, value;
+};
+Override parse_override(const std::string&);
+
+/// Reads and checks a scene completely: every key known (else the nearest known one), every type, bound and combination, plugin
+/// parameters against the plugin's own schema, files present. All problems are reported at once, one per line as
+/// "file:line:column: error: what. what would be right". Throws InputError with all of them.
+Scene load_scene(const std::filesystem::path&, const std::vector<Override>&, const plugins::Registry&,
+                 std::vector<std::string>* warnings = nullptr);
+
+/// The scene as a complete TOML file that load_scene reads back to the same scene: every default written out, paths absolute.
+std::string to_toml(const Scene&, const plugins::Registry&);
+
+}  // namespace cleave::config

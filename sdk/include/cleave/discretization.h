@@ -1,0 +1,86 @@
+/* Kind "cleave.discretization/1": a whole way of stepping bodies, in place of the host's material point method.
+ *
+ * The host builds the bodies of the scene (points, and tetrahedra where the body has them), and then drives steps, frames,
+ * colliders, handles and checkpoints as it does for its own particles. All numbers are double. */
+#ifndef CLEAVE_DISCRETIZATION_H
+#define CLEAVE_DISCRETIZATION_H
+
+#include "abi.h"
+
+#ifdef __cplusplus
+extern "C" {
+#endif
+
+#define CLEAVE_KIND_DISCRETIZATION "cleave.discretization/1"
+
+/* One body as the scene describes it. [ownership] host; valid during add_body(). */
+typedef struct cleave_body {
+  uint32_t struct_size;
+  uint32_t dimension;
+  const char* name;
+  double density;            /* kg/m^3                                                                                  */
+  double spacing;            /* mean distance of points, m                                                              */
+  uint64_t point_count;
+  const double* position;    /* m, 3 per point                                                                          */
+  const double* velocity;    /* m/s, 3 per point                                                                        */
+  const double* volume;      /* m^3, 1 per point                                                                        */
+  uint64_t vertex_count;     /* 0 if the body has no mesh                                                               */
+  const double* vertices;    /* m, 3 per vertex                                                                         */
+  uint64_t tetrahedron_count;
+  const uint32_t* tetrahedra; /* 4 vertices each; the points are then the barycentres, in this order                    */
+} cleave_body;
+
+/* How the plugin asks the host about the surroundings during step(). [ownership] host; valid during step(). */
+typedef struct cleave_surroundings {
+  uint32_t struct_size;
+  uint32_t reserved;
+  double gravity[3]; /* m/s^2 */
+  void* user;
+  /* Replaces the velocities (3 per point) of `count` points at `position` by what the colliders of the scene allow.
+   * [any-thread] */
+  void (*collide)(void* user, uint64_t count, const double* position, double* velocity);
+  /* Position and velocity of the point of a body that a handle moves; returns 0 for a free point. [any-thread] */
+  int32_t (*handle)(void* user, uint64_t body, uint64_t point, double* position, double* velocity);
+} cleave_surroundings;
+
+/* A per-point quantity the plugin exposes. [ownership] plugin; valid until the next step() or destroy(). */
+typedef struct cleave_point_field {
+  uint32_t struct_size;
+  uint32_t components; /* 1, 3 or 9                                                                                     */
+  const char* name;    /* "position" and "velocity" are always there; "damage" if there is any                          */
+  const char* unit;
+  const double* values;
+} cleave_point_field;
+
+typedef struct cleave_surface {
+  uint32_t struct_size;
+  uint32_t reserved;
+  uint64_t vertex_count;
+  const double* vertices; /* m, 3 per vertex */
+  uint64_t triangle_count;
+  const uint32_t* triangles;
+} cleave_surface;
+
+typedef struct cleave_discretization {
+  uint32_t struct_size;
+  uint32_t reserved;
+  /* Takes over a body; numbered from 0 in call order. [main-thread] */
+  cleave_result (*add_body)(cleave_instance*, const cleave_body*, cleave_message*);
+  /* Largest step that is stable from the present state, s. [main-thread] */
+  double (*stable_step)(const cleave_instance*);
+  /* Advances all bodies. May use the host's threads only through what the surroundings offer. [main-thread] */
+  cleave_result (*step)(cleave_instance*, double time_step, const cleave_surroundings*, cleave_message*);
+  /* Fields of a body: returns their number and, for index < number, fills *field. [main-thread] */
+  uint32_t (*point_field)(const cleave_instance*, uint64_t body, uint32_t index, cleave_point_field* field);
+  /* Surface of a body for output, topology may change; CLEAVE_ERROR_UNSUPPORTED if it has none. [main-thread] */
+  cleave_result (*surface)(cleave_instance*, uint64_t body, cleave_surface* surface);
+  /* Complete state as bytes: with buffer null returns the size, else writes `size` bytes and returns what it wrote.
+   * restore() brings back a bitwise equal state. [main-thread] */
+  uint64_t (*save)(const cleave_instance*, void* buffer, uint64_t size);
+  cleave_result (*restore)(cleave_instance*, const void* buffer, uint64_t size, cleave_message*);
+} cleave_discretization;
+
+#ifdef __cplusplus
+}
+#endif
+#endif
