@@ -21,7 +21,7 @@ class Plugin {
  public:
   virtual ~Plugin() = default;
   virtual const Description& description() const = 0;
-  virtual const std::filesystem::path& path() const = 0;   ///< of the file that was loaded (an ISA variant, perhaps)
+  virtual const std::filesystem::path& path() const = 0;  ///< of the file that was loaded (an ISA variant, perhaps)
   virtual const cleave_plugin& table() const = 0;
   /// Table of the plugin's kind (cleave_elasticity, ...), never null.
   virtual const void* kind_table() const = 0;
@@ -98,6 +98,9 @@ class Registry {
   /// Loads (or returns the already loaded) plugin. Throws InputError with the reason: unknown ID with the nearest known one,
   /// or the refusal.
   std::shared_ptr<const Plugin> load(std::string_view id);
+
+  /// Why find() gave nothing: the reason the file of that name was refused, or the nearest known ID.
+  std::string unknown_id(std::string_view id) const;
 
  private:
   std::vector<std::filesystem::path> search_path_;

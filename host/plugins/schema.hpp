@@ -64,7 +64,7 @@ struct Description {
   bool operator==(const Description&) const = default;
 };
 
-const char* name(Kind);                                      ///< "elasticity"
-std::vector<std::string> capability_names(std::uint64_t);    ///< {"accepts b", "energy", ...}
+const char* name(Kind);                                    ///< "elasticity"
+std::vector<std::string> capability_names(std::uint64_t);  ///< {"accepts b", "energy", ...}
 
 }  // namespace cleave::plugins

@@ -1,0 +1,13 @@
+#pragma once
+
+#include <string>
+#include <vector>
+
+namespace cleave::plugins {
+
+/// Names of the subdirectories that may hold a faster build of a plugin library for this processor, best first:
+/// {"x86-64-v4", "x86-64-v3"}. CLEAVE_ISA=x86-64-v2|x86-64-v3|x86-64-v4 forces one level (v2: the library itself). Throws
+/// InputError if CLEAVE_ISA names a level that does not exist or that this processor lacks.
+std::vector<std::string> preferred_isa_directories();
+
+}  // namespace cleave::plugins
