@@ -31,14 +31,12 @@ struct RigidMotion {
     Matrix3 rotation = Matrix3::Identity();
     Vector3 translation = Vector3::Zero();
     Vector3 center = Vector3::Zero();
-    Vector3 velocity = Vector3::Zero();          ///< of the moved centre
+    Vector3 velocity = Vector3::Zero();  ///< of the moved centre
     Vector3 angular_velocity = Vector3::Zero();
 
     Vector3 to_world(const Vector3& X) const { return rotation * (X - center) + center + translation; }
     Vector3 to_scene(const Vector3& x) const { return rotation.transpose() * (x - center - translation) + center; }
-    Vector3 velocity_at(const Vector3& x) const {
-      return velocity + angular_velocity.cross(x - center - translation);
-    }
+    Vector3 velocity_at(const Vector3& x) const { return velocity + angular_velocity.cross(x - center - translation); }
   };
   Pose at(double time) const;
 };

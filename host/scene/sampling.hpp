@@ -25,10 +25,10 @@ struct SamplingSpec {
 
 /// Initial particles of one body, structure of arrays. Optional arrays are empty if the source did not give them.
 struct ParticleSource {
-  std::vector<Vector3> positions;            ///< m
-  std::vector<double> volumes;               ///< m^3 (2D: m^2)
-  std::vector<Vector3> velocities;           ///< m/s; empty: the body's
-  std::vector<Matrix3> deformation;          ///< F; empty: identity
+  std::vector<Vector3> positions;                     ///< m
+  std::vector<double> volumes;                        ///< m^3 (2D: m^2)
+  std::vector<Vector3> velocities;                    ///< m/s; empty: the body's
+  std::vector<Matrix3> deformation;                   ///< F; empty: identity
   std::map<std::string, std::vector<double>> states;  ///< by column name of a particle file
 };
 
@@ -37,8 +37,8 @@ struct ParticleSource {
 /// Throws InputError if the shape is unbounded or holds no particle.
 ParticleSource sample(const SignedDistance&, const SamplingSpec&, double cell_size, int dimension);
 
-/// Reads a particle file: CSV with a header, columns x,y,z (z optional in 2D), then any of vx,vy,vz, volume, F00..F22, and state
-/// variables by name. Lines starting with '#' are skipped. `default_volume` applies where there is no volume column.
+/// Reads a particle file: CSV with a header, columns x,y,z (z optional in 2D), then any of vx,vy,vz, volume, F00..F22, and
+/// state variables by name. Lines starting with '#' are skipped. `default_volume` applies where there is no volume column.
 /// Throws InputError with file:line and column name.
 ParticleSource read_particles(const std::filesystem::path&, int dimension, double default_volume);
 

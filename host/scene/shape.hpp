@@ -13,8 +13,18 @@ namespace cleave::scene {
 /// angles in radians. Two-dimensional scenes use the same shapes; only the plane z = 0 of them is seen.
 struct ShapeSpec {
   enum class Type {
-    box, sphere, cylinder, capsule, torus, tube, half_space, mesh, level_set,
-    set_union, difference, intersection
+    box,
+    sphere,
+    cylinder,
+    capsule,
+    torus,
+    tube,
+    half_space,
+    mesh,
+    level_set,
+    set_union,
+    difference,
+    intersection
   };
   Type type = Type::box;
 
@@ -26,12 +36,12 @@ struct ShapeSpec {
   double tube_radius = 0;            ///< torus: of the tube
   double height = 0;                 ///< cylinder, capsule (between the centres of its caps), tube
 
-  std::filesystem::path file;        ///< mesh (.obj, .ply, .stl) or level_set (.vdb), absolute
-  std::string grid;                  ///< level_set: name of the grid, empty for the first level set
-  double file_size = 0;              ///< mesh, level_set: scaled uniformly so that its longest edge is this; 0: as it is
-  bool centered = false;             ///< mesh, level_set: moved so that its bounding box is centred at `center`
+  std::filesystem::path file;  ///< mesh (.obj, .ply, .stl) or level_set (.vdb), absolute
+  std::string grid;            ///< level_set: name of the grid, empty for the first level set
+  double file_size = 0;        ///< mesh, level_set: scaled uniformly so that its longest edge is this; 0: as it is
+  bool centered = false;       ///< mesh, level_set: moved so that its bounding box is centred at `center`
 
-  std::vector<ShapeSpec> children;   ///< union, intersection: any number; difference: the first less all others
+  std::vector<ShapeSpec> children;  ///< union, intersection: any number; difference: the first less all others
 
   /// Applied to the finished shape, in this order: scale about the origin, rotate about the origin, translate.
   Vector3 scale = Vector3::Ones();
