@@ -40,6 +40,7 @@ std::vector<std::string> capability_names(std::uint64_t capabilities) {
       {CLEAVE_DAMAGE_IS_LOCAL, "local damage"},
       {CLEAVE_SINGLE, "single precision"},
       {CLEAVE_DOUBLE, "double precision"},
+      {CLEAVE_HAS_ISOCHORIC_RESPONSE, "isochoric response"},
   };
   std::vector<std::string> names;
   for (const auto& entry : all)

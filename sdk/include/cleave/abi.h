@@ -190,7 +190,8 @@ enum cleave_capability {
   CLEAVE_FLOW_IS_ISOCHORIC = 1 << 13,    /* plasticity: the return keeps det b                                          */
   CLEAVE_DAMAGE_IS_LOCAL = 1 << 14,      /* damage: writes the new damage itself, no gradient term                      */
   CLEAVE_SINGLE = 1 << 15,               /* offers f32 batches                                                          */
-  CLEAVE_DOUBLE = 1 << 16                /* offers f64 batches                                                          */
+  CLEAVE_DOUBLE = 1 << 16,               /* offers f64 batches                                                          */
+  CLEAVE_HAS_ISOCHORIC_RESPONSE = 1 << 17 /* elasticity: offers extension "cleave.isochoric-response/1"                 */
 };
 
 /* Keys of which one whole set has to be given: each entry of `sets` is a space-separated list of keys, for example
