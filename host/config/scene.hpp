@@ -24,16 +24,16 @@ enum class Transfer { apic, flip, pic };
 
 struct Simulation {
   int dimension = 3;
-  double cell_size = 0;   ///< m
-  double end_time = 0;    ///< s
-  double frame_rate = 24; ///< frames per simulated second
-  std::optional<double> time_step;            ///< s; empty: automatic
-  double maximum_time_step = 0;               ///< s, upper limit of the automatic step; 0: none
-  double cfl = 0.4;                           ///< fraction of the elastic limit dx/c for the automatic step
+  double cell_size = 0;             ///< m
+  double end_time = 0;              ///< s
+  double frame_rate = 24;           ///< frames per simulated second
+  std::optional<double> time_step;  ///< s; empty: automatic
+  double maximum_time_step = 0;     ///< s, upper limit of the automatic step; 0: none
+  double cfl = 0.4;                 ///< fraction of the elastic limit dx/c for the automatic step
   Precision precision = Precision::single_precision;
-  Vector3 gravity = Vector3(0, 0, 0);         ///< m/s^2
+  Vector3 gravity = Vector3(0, 0, 0);  ///< m/s^2
   Transfer transfer = Transfer::apic;
-  double flip_ratio = 0.95;                   ///< of Transfer::flip
+  double flip_ratio = 0.95;  ///< of Transfer::flip
 };
 
 /// A plugin with the parameters the scene gives it, checked against its schema.
@@ -44,8 +44,8 @@ struct PluginUse {
 };
 
 struct Fibers {
-  Vector3 direction = Vector3::UnitX();   ///< unit
-  std::optional<Vector3> second;          ///< unit, orthogonal to the first
+  Vector3 direction = Vector3::UnitX();  ///< unit
+  std::optional<Vector3> second;         ///< unit, orthogonal to the first
 };
 
 struct Material {
@@ -65,7 +65,7 @@ struct Spin {
 struct Body {
   std::string name;
   std::string material;
-  std::optional<scene::ShapeSpec> shape;             ///< one of shape and particle_file
+  std::optional<scene::ShapeSpec> shape;  ///< one of shape and particle_file
   std::optional<std::filesystem::path> particle_file;
   scene::SamplingSpec sampling;
   Vector3 velocity = Vector3::Zero();
@@ -101,7 +101,7 @@ struct Handle {
 struct Output {
   std::vector<std::string> formats = {"vdb"};  ///< any of "vdb", "vtp", "ply"
   bool surface = false;                        ///< vdb: also a level set of each body's surface
-  std::vector<std::string> attributes;         ///< beyond id and velocity: state names, "F", "J", "damage", ...; empty: all declared
+  std::vector<std::string> attributes;  ///< beyond id and velocity: state names, "F", "J", "damage", ...; empty: all declared
 };
 
 struct Scene {

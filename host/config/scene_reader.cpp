@@ -1,0 +1,379 @@
+#include "config/catalog.hpp"
+
+#include "common/error.hpp"
+#include "common/nearest.hpp"
+#include "config/geometry_reader.hpp"
+#include "config/law_reader.hpp"
+#include "config/overrides.hpp"
+#include "plugins/parameters.hpp"
+
+#include <algorithm>
+#include <cmath>
+#include <fstream>
+#include <map>
+#include <sstream>
+
+namespace cleave::config {
+namespace {
+
+constexpr std::uintmax_t largest_file = 64u << 20;
+constexpr std::int64_t most_particles_per_cell = 32768;
+
+std::string read_text(const std::filesystem::path& path) {
+  const std::string name = path.string();
+  std::error_code status;
+  const auto kind = std::filesystem::status(path, status).type();
+  if (kind == std::filesystem::file_type::not_found) throw InputError(name + ": error: there is no such file");
+  if (kind == std::filesystem::file_type::directory) throw InputError(name + ": error: is a directory, not a scene file");
+  const auto size = std::filesystem::file_size(path, status);
+  if (!status && size > largest_file)
+    throw InputError(name + ": error: the file is larger than 64 MiB, which no scene needs; put particles into a CSV file");
+  std::ifstream file(path, std::ios::binary);
+  std::ostringstream text;
+  text << file.rdbuf();
+  if (!file) throw InputError(name + ": error: the file cannot be read");
+  return text.str();
+}
+
+toml::table parse(const std::string& text, const std::string& file) {
+  try {
+    return toml::parse(text, file);
+  } catch (const toml::parse_error& problem) {
+    throw InputError(to_string(locate(problem.source())) + ": error: " + std::string(problem.description()));
+  }
+}
+
+/// Names stand in messages, output files and overrides: plain, and not to be taken for an index.
+bool usable_name(const std::string& name) {
+  const auto plain = [](char c) {
+    return (c >= 'a' && c <= 'z') || (c >= 'A' && c <= 'Z') || (c >= '0' && c <= '9') || c == '_' || c == '-';
+  };
+  const auto digit = [](char c) { return c >= '0' && c <= '9'; };
+  return !name.empty() && name.size() <= 64 && std::all_of(name.begin(), name.end(), plain) &&
+         !std::all_of(name.begin(), name.end(), digit);
+}
+
+/// Reads `name` of one kind of thing and sees to it that no two share one.
+class Names {
+ public:
+  explicit Names(std::string kind) : kind_(std::move(kind)) {}
+
+  /// `fallback` empty: a name is required.
+  std::string read(TableReader& table, const std::string& fallback = {}) {
+    if (fallback.empty() && !table.require("name", "a text")) return {};
+    if (!table.has("name")) {
+      table.rename(kind_ + " '" + fallback + "'");
+      return fallback;
+    }
+    const auto name = table.text("name");
+    if (!name) return {};
+    if (!usable_name(*name)) {
+      table.error_at("name", "'name' must be 1 to 64 letters, digits, '_' or '-', not all digits; is \"" + *name + "\"");
+      return {};
+    }
+    table.rename(kind_ + " '" + *name + "'");
+    const auto [entry, is_new] = first_.emplace(*name, table.where("name"));
+    if (!is_new)
+      table.error_at("name", "there already is a " + kind_ + " named '" + *name + "', at " + to_string(entry->second));
+    return *name;
+  }
+
+  std::vector<std::string> all() const {
+    std::vector<std::string> names;
+    for (const auto& [name, where] : first_) names.push_back(name);
+    return names;
+  }
+
+  /// Reports a reference to a name that is not there.
+  void check(TableReader& table, std::string_view key, const std::string& name) const {
+    if (first_.count(name)) return;
+    const auto names = all();
+    table.error_at(key, "there is no " + kind_ + " named '" + name + "'" +
+                            suggestion(name, names, names.empty() ? "" : "; there are: " + list_text(names)));
+  }
+
+ private:
+  std::string kind_;
+  std::map<std::string, Location> first_;
+};
+
+void read_time_step(TableReader& table, Simulation& simulation) {
+  const toml::node* node = table.find("time_step");
+  if (!node || (node->is_string() && node->as_string()->get() == "auto")) return;
+  if (node->is_number())
+    simulation.time_step = table.number("time_step", "s", Range::positive());
+  else
+    table.error_at("time_step", "'time_step' must be \"auto\" or a number (s), is " + found(*node));
+}
+
+Simulation read_simulation(TableReader table) {
+  Simulation simulation;
+  ReadContext& context = table.context();
+  if (const auto dimension = table.integer("dimension", 2, 3)) simulation.dimension = context.dimension = int(*dimension);
+  simulation.cell_size = table.required_number("cell_size", "m", Range::positive());
+  simulation.end_time = table.required_number("end_time", "s", Range::positive());
+  simulation.frame_rate = table.number("frame_rate", "1/s", Range::positive()).value_or(simulation.frame_rate);
+  read_time_step(table, simulation);
+  simulation.maximum_time_step = table.number("maximum_time_step", "s", Range::not_negative()).value_or(0);
+  simulation.cfl = table.number("cfl", "1", {.minimum = 0, .maximum = 1, .minimum_open = true}).value_or(simulation.cfl);
+  simulation.precision = Precision(table.choice("precision", {"single", "double"}).value_or(std::size_t(simulation.precision)));
+  if (const auto gravity = table.vector("gravity", {.unit = "m/s^2", .planar = true})) simulation.gravity = *gravity;
+  const bool has_transfer = table.has("transfer");
+  const auto transfer = table.choice("transfer", {"apic", "flip", "pic"});
+  simulation.transfer = Transfer(transfer.value_or(std::size_t(simulation.transfer)));
+  if (simulation.transfer != Transfer::flip && !(has_transfer && !transfer))
+    table.refuse("flip_ratio", "is only used with transfer = \"flip\"");
+  else
+    simulation.flip_ratio = table.number("flip_ratio", "1", Range::between(0, 1)).value_or(simulation.flip_ratio);
+  table.finish();
+  return simulation;
+}
+
+std::optional<Fibers> read_fibers(TableReader table) {
+  std::optional<Vector3> direction;
+  if (table.require("direction", "the direction of the fibers")) direction = table.direction("direction");
+  auto second = table.direction("second");
+  table.finish();
+  if (!direction) return std::nullopt;
+  if (second) {
+    const double cosine = direction->dot(*second);
+    if (std::abs(cosine) > 1e-3) {
+      const double angle = std::acos(std::clamp(cosine, -1.0, 1.0)) * 180 / EIGEN_PI;
+      table.error_at("second", "'second' must be at right angles to 'direction', is at " +
+                                   plugins::number_text(std::round(angle * 100) / 100) + " degrees");
+      return std::nullopt;
+    }
+    // What is orthogonal to rounding is kept to the bit, so that a written scene reads back the same.
+    if (std::abs(cosine) > 1e-15) second = (*second - cosine * *direction).normalized();
+  }
+  return Fibers{*direction, second};
+}
+
+Material read_material(TableReader table, Names& names, Precision precision) {
+  Material material;
+  material.where = table.where();
+  material.name = names.read(table);
+  material.density = table.required_number("density", "kg/m^3", Range::positive());
+  const auto law = [&](plugins::Kind kind) -> std::optional<PluginUse> {
+    const char* key = plugins::name(kind);
+    auto reader = table.table(key, "'" + std::string(key) + "' of " + table.what());
+    return reader ? read_law(std::move(*reader), kind) : std::nullopt;
+  };
+  if (table.require("elasticity", "a table as { plugin = \"split-neo-hookean\", ... }"))
+    if (auto elasticity = law(plugins::Kind::elasticity)) material.elasticity = std::move(*elasticity);
+  material.plasticity = law(plugins::Kind::plasticity);
+  material.damage = law(plugins::Kind::damage);
+  material.constraint = law(plugins::Kind::constraint);
+  const bool american = table.has("fibers"), british = table.has("fibres");
+  if (american && british) table.refuse("fibres", "and 'fibers' are the same; give one of them");
+  const char* key = american ? "fibers" : "fibres";
+  if (auto fibers = table.table(key, "'" + std::string(key) + "' of " + table.what()))
+    material.fibers = read_fibers(std::move(*fibers));
+  table.finish();
+  const bool fibers_refused = (american || british) && !material.fibers;
+  if (!fibers_refused) check_combination(material, precision, table.context());
+  return material;
+}
+
+void check_particles_per_cell(TableReader& table, const scene::SamplingSpec& sampling) {
+  if (sampling.pattern == scene::SamplingPattern::blue_noise) return;
+  const int dimension = table.context().dimension;
+  const auto power = [&](int n) { return dimension == 2 ? n * n : n * n * n; };
+  const int root = std::max(
+      1, int(std::lround(dimension == 2 ? std::sqrt(sampling.particles_per_cell) : std::cbrt(sampling.particles_per_cell))));
+  if (power(root) == sampling.particles_per_cell) return;
+  const int lower = power(root) < sampling.particles_per_cell ? root : root - 1;
+  table.error_at("particles_per_cell",
+                 std::string("'particles_per_cell' must be a ") + (dimension == 2 ? "square" : "cube") + " in dimension " +
+                     std::to_string(dimension) + " unless sampling = \"blue-noise\", is " +
+                     std::to_string(sampling.particles_per_cell) + "; nearest are " +
+                     std::to_string(power(std::max(lower, 1))) + " and " + std::to_string(power(lower + 1)));
+}
+
+void read_sampling(TableReader& table, Body& body) {
+  scene::SamplingSpec& sampling = body.sampling;
+  sampling.particles_per_cell = table.context().dimension == 2 ? 4 : 8;
+  const auto per_cell = table.integer("particles_per_cell", 1, most_particles_per_cell);
+  if (per_cell) sampling.particles_per_cell = int(*per_cell);
+  if (table.has("particles")) {
+    for (const char* key : {"sampling", "jitter", "seed"}) table.refuse(key, "has no meaning for particles from a file");
+    return;
+  }
+  const bool has_pattern = table.has("sampling");
+  const auto pattern = table.choice("sampling", {"regular", "jittered", "blue-noise"});
+  if (pattern) sampling.pattern = scene::SamplingPattern(*pattern);
+  if (has_pattern && !pattern) {
+    table.has("jitter");
+  } else if (sampling.pattern != scene::SamplingPattern::jittered) {
+    table.refuse("jitter", "is only used with sampling = \"jittered\"");
+  } else {
+    sampling.jitter = table.number("jitter", "1", Range::between(0, 1)).value_or(sampling.jitter);
+  }
+  sampling.seed =
+      std::uint64_t(table.integer("seed", 0, std::numeric_limits<std::int64_t>::max()).value_or(std::int64_t(sampling.seed)));
+  if (per_cell && !(has_pattern && !pattern)) check_particles_per_cell(table, sampling);
+}
+
+Spin read_spin(TableReader table) {
+  Spin spin;
+  if (table.require("angular_velocity",
+                    table.context().dimension == 2 ? "a number (degrees/s)" : "a list of 3 numbers (degrees/s)"))
+    if (const auto velocity = read_rotation(table, "angular_velocity", "degrees/s")) spin.angular_velocity = *velocity;
+  spin.center = table.vector("center", {.unit = "m"});
+  table.finish();
+  return spin;
+}
+
+Body read_body(TableReader table, Names& names, const Names& materials) {
+  Body body;
+  body.where = table.where();
+  body.name = names.read(table);
+  if (table.require("material", "the name of a material")) {
+    body.material = table.text("material").value_or("");
+    if (!body.material.empty()) materials.check(table, "material", body.material);
+  }
+  const bool has_shape = table.has("shape"), has_particles = table.has("particles");
+  if (has_shape && has_particles)
+    table.refuse("particles", "cannot be given together with 'shape'");
+  else if (!has_shape && !has_particles)
+    table.error(table.where(), table.what() + " needs 'shape', a table, or 'particles', a CSV file");
+  if (auto shape = table.table("shape", "shape")) body.shape = read_shape(std::move(*shape));
+  if (!has_shape) body.particle_file = table.file("particles", {".csv"});
+  read_sampling(table, body);
+  if (const auto velocity = table.vector("velocity", {.unit = "m/s", .planar = true})) body.velocity = *velocity;
+  if (auto spin = table.table("spin", "'spin' of " + table.what())) body.spin = read_spin(std::move(*spin));
+  table.finish();
+  return body;
+}
+
+Collider read_collider(TableReader table, Names& names, const std::string& fallback) {
+  Collider collider;
+  collider.where = table.where();
+  collider.name = names.read(table, fallback);
+  if (table.require("shape", "a table"))
+    if (auto shape = table.table("shape", "shape")) collider.shape = read_shape(std::move(*shape)).value_or(scene::ShapeSpec());
+  collider.contact = Contact(table.choice("contact", {"sticky", "slip", "separate"}).value_or(std::size_t(collider.contact)));
+  if (collider.contact == Contact::sticky)
+    table.refuse("friction", "has no meaning with contact = \"sticky\"");
+  else
+    collider.friction = table.number("friction", "1", Range::not_negative()).value_or(0);
+  if (auto motion = table.table("motion", "'motion' of " + table.what())) collider.motion = read_motion(std::move(*motion));
+  table.finish();
+  return collider;
+}
+
+Handle read_handle(TableReader table, Names& names, const std::string& fallback, const Names& bodies) {
+  Handle handle;
+  handle.where = table.where();
+  handle.name = names.read(table, fallback);
+  if (const auto body = table.text("body")) {
+    handle.body = *body;
+    bodies.check(table, "body", *body);
+  }
+  if (table.require("region", "a shape"))
+    if (auto region = table.table("region", "region"))
+      handle.region = read_shape(std::move(*region)).value_or(scene::ShapeSpec());
+  if (auto motion = table.table("motion", "'motion' of " + table.what())) handle.motion = read_motion(std::move(*motion));
+  handle.release = table.number("release", "s", Range::not_negative()).value_or(handle.release);
+  table.finish();
+  return handle;
+}
+
+std::optional<std::vector<std::string>> read_words(TableReader& table, std::string_view key,
+                                                   const std::vector<std::string>& known) {
+  const toml::node* node = table.find(key);
+  if (!node) return std::nullopt;
+  const toml::array* list = node->as_array();
+  if (!list) {
+    table.error_at(key, "'" + std::string(key) + "' must be a list of texts, is " + found(*node));
+    return std::nullopt;
+  }
+  std::vector<std::string> words;
+  for (const toml::node& element : *list) {
+    const auto* word = element.as_string();
+    const Location where = locate(element.source());
+    if (!word)
+      table.error(where, "'" + std::string(key) + "' must be a list of texts, this is " + found(element));
+    else if (std::find(known.begin(), known.end(), word->get()) == known.end())
+      table.error(where, "unknown name \"" + word->get() + "\" in '" + std::string(key) + "'" +
+                             suggestion(word->get(), known, "; there are: " + list_text(known)));
+    else if (std::find(words.begin(), words.end(), word->get()) != words.end())
+      table.error(where, "\"" + word->get() + "\" is twice in '" + std::string(key) + "'");
+    else
+      words.push_back(word->get());
+  }
+  return words;
+}
+
+/// Quantities a frame can hold beyond ids and velocities.
+std::vector<std::string> output_attributes(const Scene& scene, const PluginCatalog& catalog) {
+  std::vector<std::string> names = {"F", "J"};
+  const auto add = [&](const std::string& name) {
+    if (std::find(names.begin(), names.end(), name) == names.end()) names.push_back(name);
+  };
+  for (const Material& material : scene.materials) {
+    if (material.damage) add("damage");
+    for (const auto* use : {&material.plasticity, &material.damage, &material.constraint})
+      if (*use)
+        if (const auto* law = catalog.find((*use)->id))
+          for (const plugins::State& state : law->states) add(state.name);
+    if (const auto* law = catalog.find(material.elasticity.id))
+      for (const plugins::State& state : law->states) add(state.name);
+  }
+  return names;
+}
+
+Output read_output(TableReader table, const Scene& scene) {
+  Output output;
+  if (auto formats = read_words(table, "formats", {"vdb", "vtp", "ply"})) output.formats = std::move(*formats);
+  output.surface = table.boolean("surface").value_or(false);
+  if (output.surface && std::find(output.formats.begin(), output.formats.end(), "vdb") == output.formats.end())
+    table.error_at("surface", "'surface' is written as .vdb; add \"vdb\" to 'formats'");
+  if (auto attributes = read_words(table, "attributes", output_attributes(scene, table.context().catalog)))
+    output.attributes = std::move(*attributes);
+  table.finish();
+  return output;
+}
+
+Scene read_scene(TableReader root) {
+  Scene scene;
+  Names materials("material"), bodies("body"), colliders("collider"), handles("handle");
+  if (root.require("simulation", "a table with at least 'cell_size' and 'end_time'"))
+    if (auto simulation = root.table("simulation", "[simulation]")) scene.simulation = read_simulation(std::move(*simulation));
+  if (root.require("material", "at least one [[material]]"))
+    for (TableReader& table : root.tables("material", "[[material]]"))
+      scene.materials.push_back(read_material(std::move(table), materials, scene.simulation.precision));
+  if (root.require("body", "at least one [[body]]"))
+    for (TableReader& table : root.tables("body", "[[body]]"))
+      scene.bodies.push_back(read_body(std::move(table), bodies, materials));
+  for (TableReader& table : root.tables("collider", "[[collider]]"))
+    scene.colliders.push_back(
+        read_collider(std::move(table), colliders, "collider-" + std::to_string(scene.colliders.size() + 1)));
+  for (TableReader& table : root.tables("handle", "[[handle]]"))
+    scene.handles.push_back(
+        read_handle(std::move(table), handles, "handle-" + std::to_string(scene.handles.size() + 1), bodies));
+  if (auto output = root.table("output", "[output]")) scene.output = read_output(std::move(*output), scene);
+  root.finish();
+  return scene;
+}
+
+}  // namespace
+
+Scene load_scene(const std::filesystem::path& file, const std::vector<Override>& overrides, const PluginCatalog& catalog,
+                 std::vector<std::string>* warnings) {
+  toml::table root = parse(read_text(file), file.string());
+  Diagnostics diagnostics;
+  for (const Override& given : overrides) apply_override(root, given, diagnostics);
+  // An override that leads nowhere makes the rest of the report misleading.
+  diagnostics.throw_errors();
+
+  const auto absolute = std::filesystem::absolute(file).lexically_normal();
+  ReadContext context{diagnostics, catalog, file.string(), absolute.parent_path()};
+  Scene scene = read_scene(TableReader(root, "the scene", context));
+  diagnostics.throw_errors();
+  scene.file = absolute;
+  if (warnings) *warnings = diagnostics.warnings();
+  return scene;
+}
+
+}  // namespace cleave::config
