@@ -1,6 +1,7 @@
 #include "scene/shape.hpp"
 
 #include "common/error.hpp"
+#include "scene/level_set.hpp"
 #include "scene/primitives.hpp"
 
 #include <algorithm>
@@ -142,6 +143,32 @@ class Transformed final : public SignedDistance {
   double least_scale_;
 };
 
+std::unique_ptr<SignedDistance> transformed(std::unique_ptr<SignedDistance> shape, const Vector3& scale,
+                                            const Matrix3& rotation, const Vector3& translation) {
+  if (scale == Vector3::Ones() && rotation.isIdentity(0) && translation.isZero(0)) return shape;
+  return std::make_unique<Transformed>(std::move(shape), scale, rotation, translation);
+}
+
+/// How the contents of a file are scaled and moved before anything else happens to them.
+struct Placement {
+  double scale = 1;
+  Vector3 translation = Vector3::Zero();
+};
+
+Placement place_file(const ShapeSpec& spec, const Box& box) {
+  Placement placement;
+  if (spec.file_size != 0) {
+    if (!(spec.file_size > 0) || !std::isfinite(spec.file_size)) {
+      throw InputError(spec.file.string() + ": the size it is scaled to must be positive");
+    }
+    const double longest = box.sizes().maxCoeff();
+    if (!(longest > 0)) throw InputError(spec.file.string() + ": it is a single point and cannot be scaled to a size");
+    placement.scale = spec.file_size / longest;
+  }
+  if (spec.centered) placement.translation = spec.center - placement.scale * box.center();
+  return placement;
+}
+
 void check_transform(const ShapeSpec& spec) {
   if (!spec.scale.allFinite() || (spec.scale.array() == 0).any()) throw InputError("shape: scale must be finite and not zero");
   if (!spec.translation.allFinite()) throw InputError("shape: translation must be finite");
@@ -156,6 +183,7 @@ std::unique_ptr<SignedDistance> build_shape(const ShapeSpec& spec, double voxel_
   using Type = ShapeSpec::Type;
   check_transform(spec);
   std::unique_ptr<SignedDistance> shape;
+  Vector3 scale = spec.scale;
   switch (spec.type) {
     case Type::set_union:
     case Type::difference:
@@ -172,14 +200,31 @@ std::unique_ptr<SignedDistance> build_shape(const ShapeSpec& spec, double voxel_
       }
       break;
     }
-    case Type::mesh:
-    case Type::level_set:
-      throw InputError(spec.file.string() + ": shapes from files cannot be read");
+    case Type::mesh: {
+      // Scaling the vertices rather than the finished level set keeps the voxels cubes and distances exact.
+      TriangleMesh mesh = read_mesh(spec.file);
+      Box box;
+      for (const auto& triangle : mesh.triangles) {
+        for (const int corner : triangle) box.extend(mesh.vertices[static_cast<std::size_t>(corner)]);
+      }
+      const Placement placement = place_file(spec, box);
+      for (Vector3& vertex : mesh.vertices) {
+        vertex = (placement.scale * vertex + placement.translation).cwiseProduct(spec.scale);
+      }
+      shape = level_set_of_mesh(mesh, voxel_size, spec.file.string());
+      scale = Vector3::Ones();
+      break;
+    }
+    case Type::level_set: {
+      shape = read_level_set(spec.file, spec.grid);
+      const Placement placement = place_file(spec, shape->bounds());
+      shape = transformed(std::move(shape), Vector3::Constant(placement.scale), Matrix3::Identity(), placement.translation);
+      break;
+    }
     default:
       shape = make_primitive(spec);
   }
-  if (spec.scale == Vector3::Ones() && spec.rotation.isIdentity(0) && spec.translation.isZero(0)) return shape;
-  return std::make_unique<Transformed>(std::move(shape), spec.scale, spec.rotation, spec.translation);
+  return transformed(std::move(shape), scale, spec.rotation, spec.translation);
 }
 
 }  // namespace cleave::scene

@@ -55,7 +55,7 @@ class SignedDistance {
  public:
   virtual ~SignedDistance() = default;
   virtual double distance(const Vector3& x) const = 0;  ///< [any-thread]
-  virtual Vector3 normal(const Vector3& x) const;       ///< outward unit gradient; central differences unless overridden
+  virtual Vector3 normal(const Vector3& x) const;       ///< outward unit gradient; zero where the distance is flat
   virtual Box bounds() const = 0;                       ///< of the inside; infinite for a half-space
   /// Distances beyond this are only known to be at least this in magnitude (narrow band of a level set).
   virtual double band() const;
