@@ -1,0 +1,83 @@
+#include "app/plugins_command.hpp"
+#include "app/point_command.hpp"
+#include "app/run_command.hpp"
+#include "app/validate_command.hpp"
+#include "common/error.hpp"
+
+#include <CLI/CLI.hpp>
+#include <fmt/format.h>
+#include <spdlog/sinks/stdout_color_sinks.h>
+#include <spdlog/spdlog.h>
+
+#include <cstdio>
+#include <exception>
+
+int main(int argc, char** argv) {
+  using namespace cleave;
+  spdlog::set_default_logger(spdlog::stderr_color_mt("cleave"));
+  spdlog::set_pattern("%^%l%$: %v");
+
+  CLI::App cli{"Cleave simulates solids that tear, shatter and split, with every material law a plugin."};
+  cli.set_version_flag("--version", std::string("cleave ") + CLEAVE_VERSION);
+  cli.require_subcommand(1);
+  cli.failure_message(CLI::FailureMessage::help);
+
+  int status = 0;
+  const auto registry = [] { return plugins::Registry(plugins::Registry::default_search_path()); };
+
+  app::RunOptions run;
+  auto* run_cli = cli.add_subcommand("run", "Simulate a scene");
+  run_cli->add_option("scene", run.scene, "Scene file (TOML)")->required();
+  run_cli->add_option("--out", run.out, "Directory for the results (default: out/<scene name>)");
+  run_cli->add_option("--threads", run.threads, "Number of threads (default: all)")->check(CLI::PositiveNumber);
+  run_cli->add_option("--frames", run.frames, "Stop after this many frames")->check(CLI::NonNegativeNumber);
+  run_cli->add_option("--steps", run.steps, "Stop after this many steps")->check(CLI::NonNegativeNumber);
+  run_cli->add_option("--set", run.sets, "Change a value of the scene: path=value (repeatable)")->allow_extra_args(false);
+  run_cli->add_flag("--quiet", run.quiet, "Print nothing but errors");
+  run_cli->callback([&] {
+    auto r = registry();
+    status = app::run_command(run, r);
+  });
+
+  std::filesystem::path validate_scene;
+  std::vector<std::string> validate_sets;
+  auto* validate_cli = cli.add_subcommand("validate", "Check a scene completely without running it");
+  validate_cli->add_option("scene", validate_scene, "Scene file (TOML)")->required();
+  validate_cli->add_option("--set", validate_sets, "Change a value of the scene: path=value (repeatable)")->allow_extra_args(false);
+  validate_cli->callback([&] { status = app::validate_command(validate_scene, validate_sets, registry()); });
+
+  app::PluginsOptions list;
+  auto* plugins_cli = cli.add_subcommand("plugins", "List the plugins, or describe one");
+  plugins_cli->add_option("id", list.id, "Plugin to describe, for example elasticity/split-neo-hookean");
+  plugins_cli->add_flag("--json", list.json, "Machine-readable output");
+  plugins_cli->add_flag("--explain", list.explain, "Also say where plugins were looked for and what was refused, and why");
+  plugins_cli->callback([&] { status = app::plugins_command(list); });
+
+  app::PointOptions point;
+  auto* point_cli = cli.add_subcommand("point", "Drive material points without a simulation");
+  app::add_point_options(*point_cli, point);
+  point_cli->callback([&] {
+    auto r = registry();
+    status = app::point_command(point, r);
+  });
+
+  try {
+    cli.parse(argc, argv);
+  } catch (const CLI::ParseError& e) {
+    const int code = cli.exit(e);
+    return code == 0 ? 0 : 2;
+  } catch (const InputError& e) {
+    std::fflush(stdout);
+    fmt::print(stderr, "{}\n", e.what());
+    return 2;
+  } catch (const SimulationError& e) {
+    std::fflush(stdout);
+    fmt::print(stderr, "error: {}\n", e.what());
+    return 3;
+  } catch (const std::exception& e) {
+    std::fflush(stdout);
+    fmt::print(stderr, "error: {}\n", e.what());
+    return 1;
+  }
+  return status;
+}

@@ -1,0 +1,25 @@
+#pragma once
+
+#include "plugins/registry.hpp"
+
+#include <filesystem>
+#include <optional>
+#include <string>
+#include <vector>
+
+namespace cleave::app {
+
+struct RunOptions {
+  std::filesystem::path scene;
+  std::filesystem::path out;        ///< empty: out/<scene name>
+  int threads = 0;                  ///< 0: all
+  std::optional<int> frames;        ///< stop after this many frames
+  std::optional<long long> steps;   ///< stop after this many steps
+  std::vector<std::string> sets;    ///< "path=value"
+  bool quiet = false;
+};
+
+/// `cleave run`. Returns the exit status: 0 done, 3 the simulation failed (state written), 130 interrupted. Throws InputError.
+int run_command(const RunOptions&, plugins::Registry&);
+
+}  // namespace cleave::app

@@ -1,0 +1,51 @@
+#include "mpm/bodies.hpp"
+
+#include "common/error.hpp"
+
+#include <algorithm>
+#include <cmath>
+
+namespace cleave::mpm {
+
+std::vector<SampledBody> sample_bodies(const config::Scene& scene) {
+  std::vector<SampledBody> bodies;
+  const auto& sim = scene.simulation;
+  for (const auto& body : scene.bodies) {
+    SampledBody s;
+    s.name = body.name;
+    for (std::size_t m = 0; m < scene.materials.size(); m++)
+      if (scene.materials[m].name == body.material) s.material = m;
+    try {
+      if (body.shape) {
+        const auto shape = scene::build_shape(*body.shape, sim.cell_size / 2);
+        s.particles = scene::sample(*shape, body.sampling, sim.cell_size, sim.dimension);
+      } else {
+        const double volume = std::pow(sim.cell_size, sim.dimension) / body.sampling.particles_per_cell;
+        s.particles = scene::read_particles(*body.particle_file, sim.dimension, volume);
+      }
+    } catch (const InputError& e) {
+      throw InputError(to_string(body.where) + ": error: body '" + body.name + "': " + e.what());
+    }
+    auto& p = s.particles;
+    if (p.velocities.empty()) {
+      Vector3 center = Vector3::Zero();
+      if (body.spin.center)
+        center = *body.spin.center;
+      else if (!p.positions.empty()) {
+        double total = 0;
+        for (std::size_t i = 0; i < p.positions.size(); i++) {
+          center += p.volumes[i] * p.positions[i];
+          total += p.volumes[i];
+        }
+        center /= total;
+      }
+      p.velocities.resize(p.positions.size());
+      for (std::size_t i = 0; i < p.positions.size(); i++)
+        p.velocities[i] = body.velocity + body.spin.angular_velocity.cross(p.positions[i] - center);
+    }
+    bodies.push_back(std::move(s));
+  }
+  return bodies;
+}
+
+}  // namespace cleave::mpm

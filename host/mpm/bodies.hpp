@@ -1,0 +1,21 @@
+#pragma once
+
+#include "config/scene.hpp"
+#include "scene/sampling.hpp"
+
+#include <string>
+#include <vector>
+
+namespace cleave::mpm {
+
+/// A body of the scene as particles, before they are handed to a material's storage.
+struct SampledBody {
+  std::string name;
+  std::size_t material = 0;        ///< index into the scene's materials
+  scene::ParticleSource particles; ///< velocities filled in (body velocity, spin), deformation possibly empty
+};
+
+/// Samples or reads every body. Throws InputError naming the body.
+std::vector<SampledBody> sample_bodies(const config::Scene&);
+
+}  // namespace cleave::mpm

@@ -1,0 +1,121 @@
+#pragma once
+
+#include <cleave/abi.h>
+
+#include <cstddef>
+#include <cstdint>
+
+/// The inner loops of a step, compiled once per instruction set into their own shared objects and picked at start-up.
+/// Only plain data crosses: everything here is layout, no behaviour.
+///
+/// Units inside the kernels. Positions are in cells relative to their home block's first node, so that precision does not
+/// depend on where in space a body is. Grid mass and momentum are in units of the reference mass rho_ref dx^d, so that no scene
+/// is too light for single precision. Velocities are in m/s, stress in Pa.
+namespace cleave::mpm {
+
+/// Grid blocks are 4x4x4 nodes (8x8 in two dimensions); a node is four numbers: mass, then momentum or velocity, padded.
+/// Particles may stray one cell from their home block before they must be sorted again, hence the arena's slack.
+template <int D>
+struct GridShape {
+  static constexpr int block_edge = D == 3 ? 4 : 8;
+  static constexpr int block_nodes = 64;
+  static constexpr int arena_edge = block_edge + 4;
+  static constexpr int arena_nodes = D == 3 ? 512 : 144;
+  static constexpr int neighbours = D == 3 ? 27 : 9;
+};
+
+template <class T>
+inline constexpr int tile_lanes = int(CLEAVE_TILE_BYTES / sizeof(T));
+
+/// Points per plugin call: small enough that everything a chunk touches stays in the first-level cache.
+inline constexpr int chunk_points = 32;
+
+using LawFunction = cleave_result (*)(const cleave_instance*, const cleave_batch*);
+
+/// Rows of the kernel's scratch per tile: the six components of stress, then one for writes that nobody reads (components that
+/// are constant in two dimensions).
+inline constexpr int stress_rows = 8;
+inline constexpr int discarded_row = 6;
+
+/// A law bound to a material's storage. Stream 0 is the particle tiles, stream 1 the kernel's scratch (see stress_rows),
+/// stream 2 one tile of constants: a row of zeros, then a row of ones.
+struct BoundLaw {
+  const cleave_instance* instance = nullptr;
+  LawFunction function = nullptr;
+  const cleave_layout* layout = nullptr;
+};
+
+/// The particles of one material. Offsets in bytes inside a tile; components of a quantity follow each other.
+struct ParticleView {
+  char* tiles = nullptr;
+  std::uint32_t stride = 0;
+  std::uint32_t position = 0;   ///< D, cells from the home block's first node
+  std::uint32_t velocity = 0;   ///< D, m/s
+  std::uint32_t affine = 0;     ///< D*D velocity gradient C, row-major, 1/s
+  std::uint32_t volume = 0;     ///< 1, rest volume in cells
+  std::uint32_t strain = 0;     ///< b: xx yy zz xy xz yz (2D: xx yy zz xy); F: row-major (2D: 00 01 10 11 22)
+  bool stores_b = false;
+  bool detect_inversion = false;  ///< a step that turns a neighbourhood inside out is an error for this material
+  double relative_density = 1;    ///< rho / rho_ref
+  BoundLaw elasticity, plasticity;
+  void* constants = nullptr;      ///< stream 2
+};
+
+struct BlockView {
+  std::uint64_t first_tile = 0;
+  std::uint32_t count = 0;
+  std::uint32_t neighbours[27];   ///< grid blocks at offsets (-1,-1,-1) .. (1,1,1), last axis fastest
+};
+
+enum class TransferScheme : std::uint32_t { apic, pic, flip };
+
+struct StepView {
+  double time_step = 0;   ///< s
+  double cell_size = 0;   ///< m
+  double force_scale = 0; ///< 4 dt / (dx rho_ref): stress times rest volume in cells to momentum per cell of offset
+  TransferScheme scheme = TransferScheme::apic;
+  double flip_ratio = 0;
+  bool stress = true;     ///< false: scatter mass and momentum alone (FLIP's reference velocity)
+  void* grid = nullptr;            ///< block_nodes * 4 numbers per block
+  const void* grid_before = nullptr; ///< FLIP: velocities before forces
+};
+
+/// What a kernel noticed while working on blocks. Merged with max/or: independent of order.
+struct BlockReport {
+  double maximum_speed = 0;       ///< largest component of velocity, m/s
+  bool strayed = false;           ///< a particle left its home block's slack: sort before the next step
+  std::uint8_t status = 0;        ///< worst cleave_status
+  cleave_result result = CLEAVE_OK;
+  bool plasticity_failed = false; ///< the failing law (else elasticity)
+  bool not_finite = false;        ///< a velocity or position is no number
+  bool inverted = false;
+  std::uint64_t slot = ~0ull;     ///< smallest particle slot (tile * lanes + lane) with a problem
+};
+
+template <class T, int D>
+struct TransferKernels {
+  std::size_t scratch_bytes = 0;  ///< per thread, 64-byte aligned, zero before first use
+  /// Adds the block's particles to the grid. Blocks of the same colour may run at once.
+  void (*particle_to_grid)(const ParticleView&, const BlockView&, const StepView&, void* scratch, BlockReport&) = nullptr;
+  /// Momentum to velocity, plus gravity * dt; blocks [first, last) of the grid.
+  void (*grid_update)(T* grid, std::uint64_t first, std::uint64_t last, const T* velocity_change) = nullptr;
+  /// Grid velocity to the block's particles: position, velocity, affine, strain, return mapping.
+  void (*grid_to_particle)(const ParticleView&, const BlockView&, const StepView&, void* scratch, BlockReport&) = nullptr;
+};
+
+struct KernelSet {
+  const char* isa = nullptr;
+  TransferKernels<float, 2> single_2d;
+  TransferKernels<float, 3> single_3d;
+  TransferKernels<double, 2> double_2d;
+  TransferKernels<double, 3> double_3d;
+};
+
+/// The symbol each kernel library exports.
+#define CLEAVE_KERNELS_SYMBOL "cleave_kernels"
+using KernelsEntry = const KernelSet* (*)();
+
+/// Kernels for the best instruction set of this processor, or the one CLEAVE_ISA names. Throws InputError.
+const KernelSet& load_kernels();
+
+}  // namespace cleave::mpm

@@ -1,0 +1,155 @@
+#pragma once
+
+#if defined(__x86_64__)
+#include <immintrin.h>
+#endif
+
+/// One row of the transfer stencil: three neighbouring nodes along the last axis, four numbers each (mass and velocity or
+/// momentum). A particle meets nine such rows in three dimensions, three in two.
+namespace cleave::mpm::kernel {
+
+#define CLEAVE_INLINE inline __attribute__((always_inline))
+
+typedef float Quad_float __attribute__((vector_size(16)));
+typedef double Quad_double __attribute__((vector_size(32)));
+template <class T>
+struct QuadOf;
+template <>
+struct QuadOf<float> {
+  using type = Quad_float;
+};
+template <>
+struct QuadOf<double> {
+  using type = Quad_double;
+};
+template <class T>
+using Quad = typename QuadOf<T>::type;
+
+template <class T>
+CLEAVE_INLINE Quad<T> load_quad(const T* p) {
+  return *reinterpret_cast<const Quad<T>*>(p);
+}
+template <class T>
+CLEAVE_INLINE void store_quad(T* p, Quad<T> v) {
+  *reinterpret_cast<Quad<T>*>(p) = v;
+}
+
+/// Portable form: three registers of four numbers.
+template <class T>
+struct Row {
+  Quad<T> a, b, c;
+
+  static CLEAVE_INLINE Row zero() { return {Quad<T>{}, Quad<T>{}, Quad<T>{}}; }
+  static CLEAVE_INLINE Row load(const T* p) { return {load_quad(p), load_quad(p + 4), load_quad(p + 8)}; }
+  CLEAVE_INLINE void store(T* p) const {
+    store_quad(p, a);
+    store_quad(p + 4, b);
+    store_quad(p + 8, c);
+  }
+  /// The same four numbers for each node.
+  static CLEAVE_INLINE Row repeat(const T* p) {
+    const Quad<T> q = load_quad(p);
+    return {q, q, q};
+  }
+  /// Weight of each node, from three numbers `step` apart.
+  static CLEAVE_INLINE Row weights(const T* w, int step) {
+    return {Quad<T>{} + w[0], Quad<T>{} + w[step], Quad<T>{} + w[2 * step]};
+  }
+  /// x * (offset of the node from the middle one: -1, 0, 1)
+  static CLEAVE_INLINE Row offset(Row x) { return {-x.a, Quad<T>{}, x.c}; }
+  /// base + x * offset
+  static CLEAVE_INLINE Row add_offset(Row x, Row base) { return {base.a - x.a, base.b, base.c + x.c}; }
+  friend CLEAVE_INLINE Row operator+(Row x, Row y) { return {x.a + y.a, x.b + y.b, x.c + y.c}; }
+  friend CLEAVE_INLINE Row operator-(Row x, Row y) { return {x.a - y.a, x.b - y.b, x.c - y.c}; }
+  friend CLEAVE_INLINE Row operator*(Row x, Row y) { return {x.a * y.a, x.b * y.b, x.c * y.c}; }
+  friend CLEAVE_INLINE Row operator*(T s, Row y) { return {s * y.a, s * y.b, s * y.c}; }
+  static CLEAVE_INLINE Row multiply_add(T s, Row y, Row z) { return {s * y.a + z.a, s * y.b + z.b, s * y.c + z.c}; }
+  CLEAVE_INLINE void pin() {}
+  /// Sums over the three nodes of four rows: out[0..3] = sum v, out[4..7] = sum x, ...
+  static CLEAVE_INLINE void reduce(T* out, Row v, Row x, Row y, Row z) {
+    store_quad(out, v.a + v.b + v.c);
+    store_quad(out + 4, x.a + x.b + x.c);
+    store_quad(out + 8, y.a + y.b + y.c);
+    store_quad(out + 12, z.a + z.b + z.c);
+  }
+};
+
+#if defined(__AVX512F__) && defined(__AVX512VL__) && defined(__AVX512DQ__)
+/// One 512-bit register; the fourth quarter has weight zero and is otherwise carried along.
+template <>
+struct Row<float> {
+  __m512 r;
+
+  static CLEAVE_INLINE Row zero() { return {_mm512_setzero_ps()}; }
+  static CLEAVE_INLINE Row load(const float* p) { return {_mm512_loadu_ps(p)}; }
+  CLEAVE_INLINE void store(float* p) const { _mm512_storeu_ps(p, r); }
+  static CLEAVE_INLINE Row repeat(const float* p) { return {_mm512_broadcast_f32x4(_mm_load_ps(p))}; }
+  static CLEAVE_INLINE Row weights(const float* w, int step) {
+    __m512 x = _mm512_maskz_broadcastss_ps(0x000f, _mm_load_ss(w));
+    x = _mm512_mask_broadcastss_ps(x, 0x00f0, _mm_load_ss(w + step));
+    return {_mm512_mask_broadcastss_ps(x, 0x0f00, _mm_load_ss(w + 2 * step))};
+  }
+  static CLEAVE_INLINE Row offsets() {
+    return {_mm512_setr_ps(-1, -1, -1, -1, 0, 0, 0, 0, 1, 1, 1, 1, 0, 0, 0, 0)};
+  }
+  static CLEAVE_INLINE Row offset(Row x) { return x * offsets(); }
+  static CLEAVE_INLINE Row add_offset(Row x, Row base) { return {_mm512_fmadd_ps(x.r, offsets().r, base.r)}; }
+  friend CLEAVE_INLINE Row operator+(Row x, Row y) { return {_mm512_add_ps(x.r, y.r)}; }
+  friend CLEAVE_INLINE Row operator-(Row x, Row y) { return {_mm512_sub_ps(x.r, y.r)}; }
+  friend CLEAVE_INLINE Row operator*(Row x, Row y) { return {_mm512_mul_ps(x.r, y.r)}; }
+  friend CLEAVE_INLINE Row operator*(float s, Row y) { return {_mm512_mul_ps(_mm512_set1_ps(s), y.r)}; }
+  static CLEAVE_INLINE Row multiply_add(float s, Row y, Row z) { return {_mm512_fmadd_ps(_mm512_set1_ps(s), y.r, z.r)}; }
+  /// Keeps the compiler from folding a shared product into every use.
+  CLEAVE_INLINE void pin() { asm("" : "+v"(r)); }
+  static CLEAVE_INLINE void reduce(float* out, Row v, Row x, Row y, Row z) {
+    const __m512 t0 = _mm512_add_ps(_mm512_shuffle_f32x4(v.r, x.r, 0x44), _mm512_shuffle_f32x4(v.r, x.r, 0xEE));
+    const __m512 t1 = _mm512_add_ps(_mm512_shuffle_f32x4(y.r, z.r, 0x44), _mm512_shuffle_f32x4(y.r, z.r, 0xEE));
+    _mm512_store_ps(out, _mm512_add_ps(_mm512_shuffle_f32x4(t0, t1, 0x88), _mm512_shuffle_f32x4(t0, t1, 0xDD)));
+  }
+};
+
+template <>
+struct Row<double> {
+  __m512d r;
+  __m256d s;
+
+  static CLEAVE_INLINE Row zero() { return {_mm512_setzero_pd(), _mm256_setzero_pd()}; }
+  static CLEAVE_INLINE Row load(const double* p) { return {_mm512_loadu_pd(p), _mm256_load_pd(p + 8)}; }
+  CLEAVE_INLINE void store(double* p) const {
+    _mm512_storeu_pd(p, r);
+    _mm256_store_pd(p + 8, s);
+  }
+  static CLEAVE_INLINE Row repeat(const double* p) {
+    const __m256d v = _mm256_load_pd(p);
+    return {_mm512_broadcast_f64x4(v), v};
+  }
+  static CLEAVE_INLINE Row weights(const double* w, int step) {
+    return {_mm512_mask_broadcastsd_pd(_mm512_set1_pd(w[0]), 0xf0, _mm_load_sd(w + step)), _mm256_set1_pd(w[2 * step])};
+  }
+  static CLEAVE_INLINE Row offset(Row x) {
+    return {_mm512_maskz_sub_pd(0x0f, _mm512_setzero_pd(), x.r), x.s};
+  }
+  static CLEAVE_INLINE Row add_offset(Row x, Row base) {
+    return {_mm512_mask_sub_pd(base.r, 0x0f, base.r, x.r), _mm256_add_pd(base.s, x.s)};
+  }
+  friend CLEAVE_INLINE Row operator+(Row x, Row y) { return {x.r + y.r, x.s + y.s}; }
+  friend CLEAVE_INLINE Row operator-(Row x, Row y) { return {x.r - y.r, x.s - y.s}; }
+  friend CLEAVE_INLINE Row operator*(Row x, Row y) { return {x.r * y.r, x.s * y.s}; }
+  friend CLEAVE_INLINE Row operator*(double k, Row y) { return {_mm512_set1_pd(k) * y.r, _mm256_set1_pd(k) * y.s}; }
+  static CLEAVE_INLINE Row multiply_add(double k, Row y, Row z) {
+    return {_mm512_fmadd_pd(_mm512_set1_pd(k), y.r, z.r), _mm256_fmadd_pd(_mm256_set1_pd(k), y.s, z.s)};
+  }
+  CLEAVE_INLINE void pin() { asm("" : "+v"(r), "+v"(s)); }
+  static CLEAVE_INLINE void reduce_one(double* out, Row v) {
+    _mm256_store_pd(out, _mm256_add_pd(_mm256_add_pd(_mm512_castpd512_pd256(v.r), _mm512_extractf64x4_pd(v.r, 1)), v.s));
+  }
+  static CLEAVE_INLINE void reduce(double* out, Row v, Row x, Row y, Row z) {
+    reduce_one(out, v);
+    reduce_one(out + 4, x);
+    reduce_one(out + 8, y);
+    reduce_one(out + 12, z);
+  }
+};
+#endif
+
+}  // namespace cleave::mpm::kernel

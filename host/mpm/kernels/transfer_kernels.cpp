@@ -1,0 +1,547 @@
+// Particles to grid, grid update, grid to particles: MLS-MPM with quadratic B-splines (Hu et al. 2018), APIC (Jiang et al. 2015).
+//
+// Per particle, with d the offset from the particle to the middle node of its stencil in cells, and w the separable weights:
+//   node i gets     mass     w m
+//                   momentum w (m v + A (x_i - x_p)),   A = m dx C - k V tau,  k = 4 dt / (dx rho_ref)
+//   particle gets   v = sum w v_i,   C = 4/dx sum w v_i (x_i - x_p)^T
+// Each is written as a sum over rows of three nodes along the last axis; the offset from the middle node is -1, 0 or 1, so
+// that (x_i - x_p) needs no multiplication.
+
+#include "mpm/kernels/kernels.hpp"
+#include "mpm/kernels/transpose.hpp"
+
+#include <cstring>
+#include <type_traits>
+
+namespace cleave::mpm::kernel {
+namespace {
+
+template <class T>
+struct TileTypes;
+template <>
+struct TileTypes<float> {
+  typedef float Real __attribute__((vector_size(64)));
+  typedef std::int32_t Mask __attribute__((vector_size(64)));
+  typedef std::int32_t Index __attribute__((vector_size(64)));
+};
+template <>
+struct TileTypes<double> {
+  typedef double Real __attribute__((vector_size(64)));
+  typedef std::int64_t Mask __attribute__((vector_size(64)));
+  typedef std::int32_t Index __attribute__((vector_size(32)));
+};
+
+/// One component of one tile: a vector of 16 floats or 8 doubles.
+template <class T>
+using Tile = typename TileTypes<T>::Real;
+
+template <class T>
+CLEAVE_INLINE Tile<T> load(const void* p) {
+  return *static_cast<const Tile<T>*>(p);
+}
+template <class T>
+CLEAVE_INLINE void store(void* p, Tile<T> v) {
+  *static_cast<Tile<T>*>(p) = v;
+}
+template <class T>
+CLEAVE_INLINE Tile<T> maximum(Tile<T> a, Tile<T> b) {
+  return a > b ? a : b;
+}
+template <class T>
+CLEAVE_INLINE Tile<T> magnitude(Tile<T> a) {
+  return a < T(0) ? -a : a;
+}
+template <class M>
+CLEAVE_INLINE bool any(M m) {
+  std::uint64_t r = 0;
+  std::uint64_t bits[sizeof(M) / 8];
+  std::memcpy(bits, &m, sizeof m);
+  for (auto b : bits) r |= b;
+  return r != 0;
+}
+
+template <class T>
+inline constexpr int chunk_tiles = chunk_points / tile_lanes<T>;
+
+/// Rows of weights per tile: one-dimensional weights of each axis, the products of the leading two axes, and the offsets.
+template <int D>
+struct WeightRows {
+  static constexpr int axis(int a) { return 3 * a; }
+  static constexpr int plane = 3 * D;                       // 3D only: wx_i wy_j
+  static constexpr int offset = D == 3 ? plane + 9 : plane;  // D rows: middle node minus particle
+  static constexpr int count = offset + D;
+};
+
+template <class T, int D>
+struct Scratch {
+  static constexpr int lanes = tile_lanes<T>;
+  static constexpr int tiles = chunk_tiles<T>;
+  alignas(64) T scatter_arena[(GridShape<D>::arena_nodes + 16) * 4];
+  alignas(64) T gather_arena[(GridShape<D>::arena_nodes + 16) * 4];
+  alignas(64) T before_arena[(GridShape<D>::arena_nodes + 16) * 4];
+  alignas(64) T records[chunk_points * record_size];
+  alignas(64) T before_records[chunk_points * record_size];
+  alignas(64) T rows[tiles * record_size * lanes];
+  alignas(64) T before_rows[tiles * record_size * lanes];
+  alignas(64) T weights[tiles * WeightRows<D>::count * lanes];
+  alignas(64) T stress[tiles * stress_rows * lanes];
+  alignas(64) std::int32_t node[chunk_points + 16];  // first node of the stencil in the arena
+  alignas(64) cleave_status status[chunk_points];
+};
+
+// ------------------------------------------------------------------------------------------------- arena
+
+/// The arena is the home block with its slack: nodes -1 .. edge+2 of the home block's coordinates along each axis.
+/// Visits runs of nodes along the last axis that are contiguous both in the arena and in a grid block.
+template <int D, class F>
+CLEAVE_INLINE void for_arena_rows(const BlockView& block, F&& run) {
+  using S = GridShape<D>;
+  constexpr int edge = S::block_edge, arena = S::arena_edge;
+  const auto rows = [&](const std::uint32_t* neighbours, int grid_row, int arena_row) {
+    // the last axis spans three blocks: one node of the first, all of the second, three of the third
+    run(neighbours[0], (grid_row * edge + edge - 1), arena_row * arena, std::integral_constant<int, 1>{});
+    run(neighbours[1], (grid_row * edge), arena_row * arena + 1, std::integral_constant<int, edge>{});
+    run(neighbours[2], (grid_row * edge), arena_row * arena + 1 + edge, std::integral_constant<int, 3>{});
+  };
+  if constexpr (D == 3) {
+    for (int ax = 0; ax < arena; ax++)
+      for (int ay = 0; ay < arena; ay++) {
+        const int gx = ax + edge - 1, gy = ay + edge - 1;
+        rows(block.neighbours + (gx / edge) * 9 + (gy / edge) * 3, (gx % edge) * edge + gy % edge, ax * arena + ay);
+      }
+  } else {
+    for (int ax = 0; ax < arena; ax++) {
+      const int gx = ax + edge - 1;
+      rows(block.neighbours + (gx / edge) * 3, gx % edge, ax);
+    }
+  }
+}
+
+template <class T, int D>
+CLEAVE_INLINE void load_arena(const T* grid, const BlockView& block, T* arena) {
+  for_arena_rows<D>(block, [&](std::uint32_t b, int node, int at, auto n) {
+    const T* from = grid + (std::size_t(b) * GridShape<D>::block_nodes + node) * 4;
+    T* to = arena + at * 4;
+    for (int i = 0; i < n; i++) store_quad(to + 4 * i, load_quad(from + 4 * i));
+  });
+}
+
+/// Adds the arena to the grid and clears it. Home blocks of one colour reach disjoint nodes.
+template <class T, int D>
+CLEAVE_INLINE void merge_arena(T* grid, const BlockView& block, T* arena) {
+  for_arena_rows<D>(block, [&](std::uint32_t b, int node, int at, auto n) {
+    T* to = grid + (std::size_t(b) * GridShape<D>::block_nodes + node) * 4;
+    T* from = arena + at * 4;
+    for (int i = 0; i < n; i++) {
+      store_quad(to + 4 * i, load_quad(to + 4 * i) + load_quad(from + 4 * i));
+      store_quad(from + 4 * i, Quad<T>{});
+    }
+  });
+}
+
+// ------------------------------------------------------------------------------------------------- weights
+
+template <class T, int D, bool Planes>
+CLEAVE_INLINE void tile_weights(const ParticleView& set, const char* tile, T* w, std::int32_t* node) {
+  using R = WeightRows<D>;
+  constexpr int lanes = tile_lanes<T>;
+  constexpr int arena = GridShape<D>::arena_edge;
+  typename TileTypes<T>::Index index{};
+  Tile<T> one_axis[D][3];
+  for (int a = 0; a < D; a++) {
+    const Tile<T> x = load<T>(tile + set.position + a * CLEAVE_TILE_BYTES);
+    // arena nodes start at -1, and x > -1/2: truncation is floor
+    const auto i = __builtin_convertvector(x + T(0.5), typename TileTypes<T>::Index);
+    index = index * arena + i;
+    const Tile<T> q = x - __builtin_convertvector(i, Tile<T>);  // particle minus middle node
+    const Tile<T> lower = T(0.5) - q, upper = T(0.5) + q;
+    one_axis[a][0] = T(0.5) * lower * lower;
+    one_axis[a][1] = T(0.75) - q * q;
+    one_axis[a][2] = T(0.5) * upper * upper;
+    store<T>(w + (R::offset + a) * lanes, -q);
+  }
+  *reinterpret_cast<typename TileTypes<T>::Index*>(node) = index;
+  for (int a = 0; a < D; a++)
+    if (!Planes || D == 2 || a == D - 1)
+      for (int i = 0; i < 3; i++) store<T>(w + (R::axis(a) + i) * lanes, one_axis[a][i]);
+  if constexpr (Planes && D == 3)
+    for (int i = 0; i < 3; i++)
+      for (int j = 0; j < 3; j++) store<T>(w + (R::plane + 3 * i + j) * lanes, one_axis[0][i] * one_axis[1][j]);
+}
+
+// ------------------------------------------------------------------------------------------------- scatter
+
+/// Adds records to the arena. Particles are sorted by cell, so that the stencil stays in registers over a run of them.
+template <class T, int D>
+CLEAVE_INLINE void scatter(T* arena, const T* records, const T* weights, const std::int32_t* node, int count) {
+  using W = WeightRows<D>;
+  constexpr int lanes = tile_lanes<T>, edge = GridShape<D>::arena_edge, nrows = D == 3 ? 9 : 3;
+  int p = 0;
+  while (p < count) {
+    const std::int32_t first = node[p];
+    Row<T> sum[nrows];
+    for (auto& s : sum) s = Row<T>::zero();
+    do {
+      const T* r = records + p * record_size;
+      const T* w = weights + (p / lanes) * (W::count * lanes) + p % lanes;
+      const Row<T> last = Row<T>::weights(w + W::axis(D - 1) * lanes, lanes);
+      if constexpr (D == 3) {
+        Row<T> x = last * Row<T>::repeat(r + 4), y = last * Row<T>::repeat(r + 8);
+        Row<T> q = last * Row<T>::add_offset(Row<T>::repeat(r + 12), Row<T>::repeat(r));
+        x.pin();
+        y.pin();
+        q.pin();
+        for (int i = 0; i < 3; i++) {
+          const Row<T> qi = i == 0 ? q - x : i == 1 ? q : q + x;
+          sum[3 * i] = Row<T>::multiply_add(w[(W::plane + 3 * i) * lanes], qi - y, sum[3 * i]);
+          sum[3 * i + 1] = Row<T>::multiply_add(w[(W::plane + 3 * i + 1) * lanes], qi, sum[3 * i + 1]);
+          sum[3 * i + 2] = Row<T>::multiply_add(w[(W::plane + 3 * i + 2) * lanes], qi + y, sum[3 * i + 2]);
+        }
+      } else {
+        Row<T> x = last * Row<T>::repeat(r + 4);
+        Row<T> q = last * Row<T>::add_offset(Row<T>::repeat(r + 8), Row<T>::repeat(r));
+        x.pin();
+        q.pin();
+        sum[0] = Row<T>::multiply_add(w[0], q - x, sum[0]);
+        sum[1] = Row<T>::multiply_add(w[lanes], q, sum[1]);
+        sum[2] = Row<T>::multiply_add(w[2 * lanes], q + x, sum[2]);
+      }
+      p++;
+    } while (p < count && node[p] == first);
+    T* a = arena + first * 4;
+    for (int i = 0; i < nrows; i++) {
+      T* at = a + (D == 3 ? (i / 3) * edge * edge + (i % 3) * edge : i * edge) * 4;
+      (Row<T>::load(at) + sum[i]).store(at);
+    }
+  }
+}
+
+// ------------------------------------------------------------------------------------------------- gather
+
+/// `Together` particles at a time: their chains of dependent additions hide each other's latency.
+template <class T, int D, int Together>
+CLEAVE_INLINE void gather(const T* arena, const T* weights, const std::int32_t* node, int p, T* records) {
+  using W = WeightRows<D>;
+  constexpr int lanes = tile_lanes<T>, edge = GridShape<D>::arena_edge, N = Together;
+  const T* w[N];
+  const T* g[N];
+  for (int u = 0; u < N; u++) {
+    w[u] = weights + ((p + u) / lanes) * (W::count * lanes) + (p + u) % lanes;
+    g[u] = arena + node[p + u] * 4;
+  }
+  const auto weight = [&](int u, int axis, int i) { return w[u][(W::axis(axis) + i) * lanes]; };
+  Row<T> value[N], slope_x[N], slope_y[N], last[N];
+  if constexpr (D == 3) {
+    Row<T> sum[3][N], slope[3][N];
+    for (int i = 0; i < 3; i++) {
+      Row<T> low[N], high[N];
+      const int at = i * edge * edge * 4;
+      for (int u = 0; u < N; u++) low[u] = weight(u, 1, 0) * Row<T>::load(g[u] + at);
+      for (int u = 0; u < N; u++) high[u] = weight(u, 1, 2) * Row<T>::load(g[u] + at + 2 * edge * 4);
+      for (int u = 0; u < N; u++) {
+        low[u].pin();
+        high[u].pin();
+      }
+      for (int u = 0; u < N; u++) sum[i][u] = Row<T>::multiply_add(weight(u, 1, 1), Row<T>::load(g[u] + at + edge * 4), low[u]);
+      for (int u = 0; u < N; u++) slope[i][u] = high[u] - low[u];
+      for (int u = 0; u < N; u++) sum[i][u] = sum[i][u] + high[u];
+    }
+    Row<T> low[N], high[N];
+    for (int u = 0; u < N; u++) last[u] = Row<T>::weights(w[u] + W::axis(2) * lanes, lanes);
+    for (int u = 0; u < N; u++) low[u] = weight(u, 0, 0) * sum[0][u];
+    for (int u = 0; u < N; u++) high[u] = weight(u, 0, 2) * sum[2][u];
+    for (int u = 0; u < N; u++) {
+      low[u].pin();
+      high[u].pin();
+    }
+    for (int u = 0; u < N; u++) slope_y[u] = weight(u, 0, 2) * slope[2][u];
+    for (int u = 0; u < N; u++) value[u] = Row<T>::multiply_add(weight(u, 0, 1), sum[1][u], low[u]);
+    for (int u = 0; u < N; u++) slope_x[u] = (high[u] - low[u]) * last[u];
+    for (int u = 0; u < N; u++) slope_y[u] = Row<T>::multiply_add(weight(u, 0, 1), slope[1][u], slope_y[u]);
+    for (int u = 0; u < N; u++) value[u] = (value[u] + high[u]) * last[u];
+    for (int u = 0; u < N; u++) slope_y[u] = Row<T>::multiply_add(weight(u, 0, 0), slope[0][u], slope_y[u]) * last[u];
+    for (int u = 0; u < N; u++)
+      Row<T>::reduce(records + (p + u) * record_size, value[u], slope_x[u], slope_y[u], Row<T>::offset(value[u]));
+  } else {
+    Row<T> low[N], high[N];
+    for (int u = 0; u < N; u++) last[u] = Row<T>::weights(w[u] + W::axis(1) * lanes, lanes);
+    for (int u = 0; u < N; u++) low[u] = weight(u, 0, 0) * Row<T>::load(g[u]);
+    for (int u = 0; u < N; u++) high[u] = weight(u, 0, 2) * Row<T>::load(g[u] + 2 * edge * 4);
+    for (int u = 0; u < N; u++) {
+      low[u].pin();
+      high[u].pin();
+    }
+    for (int u = 0; u < N; u++) value[u] = Row<T>::multiply_add(weight(u, 0, 1), Row<T>::load(g[u] + edge * 4), low[u]);
+    for (int u = 0; u < N; u++) slope_x[u] = (high[u] - low[u]) * last[u];
+    for (int u = 0; u < N; u++) value[u] = (value[u] + high[u]) * last[u];
+    for (int u = 0; u < N; u++)
+      Row<T>::reduce(records + (p + u) * record_size, value[u], slope_x[u], Row<T>::offset(value[u]), Row<T>::zero());
+  }
+}
+
+template <class T, int D>
+CLEAVE_INLINE void gather_chunk(const T* arena, const T* weights, const std::int32_t* node, int count, T* records) {
+  constexpr int together = sizeof(T) == 4 ? 2 : 1;
+  int p = 0;
+  for (; p + together <= count; p += together) gather<T, D, together>(arena, weights, node, p, records);
+  for (; p < count; p++) gather<T, D, 1>(arena, weights, node, p, records);
+  // lanes beyond the last particle feel no velocity, so that they keep finite values
+  const int end = (count + tile_lanes<T> - 1) / tile_lanes<T> * tile_lanes<T>;
+  if (p < end) std::memset(records + p * record_size, 0, sizeof(T) * record_size * (end - p));
+}
+
+// ------------------------------------------------------------------------------------------------- laws
+
+template <class T>
+CLEAVE_INLINE void note_status(BlockReport& report, const cleave_status* status, int count, std::uint64_t first_slot,
+                               bool plasticity) {
+  for (int k = 0; k < count; k++)
+    if (status[k] > report.status || (status[k] == report.status && status[k] > 0 && first_slot + k < report.slot)) {
+      report.status = status[k];
+      report.slot = first_slot + k;
+      report.plasticity_failed = plasticity;
+    }
+}
+
+template <class T, int D>
+CLEAVE_INLINE void evaluate(const BoundLaw& law, bool plasticity, const ParticleView& set, std::uint64_t tile, int count,
+                            double time_step, Scratch<T, D>& s, BlockReport& report) {
+  std::memset(s.status, 0, sizeof s.status);
+  cleave_batch batch;
+  batch.struct_size = sizeof batch;
+  batch.count = std::uint32_t(count);
+  batch.layout = law.layout;
+  batch.streams[0] = set.tiles + tile * set.stride;
+  batch.streams[1] = s.stress;
+  batch.streams[2] = set.constants;
+  batch.streams[3] = nullptr;
+  batch.time_step = time_step;
+  batch.status = s.status;
+  batch.message = nullptr;
+  const cleave_result result = law.function(law.instance, &batch);
+  std::uint64_t raised[chunk_points / 8], any_raised = 0;
+  static_assert(sizeof raised == sizeof s.status);
+  std::memcpy(raised, s.status, sizeof raised);
+  for (auto r : raised) any_raised |= r;
+  if (__builtin_expect(any_raised != 0, 0)) note_status<T>(report, s.status, count, tile * tile_lanes<T>, plasticity);
+  if (__builtin_expect(result != CLEAVE_OK && report.result == CLEAVE_OK, 0)) {
+    report.result = result;
+    report.plasticity_failed = plasticity;
+    if (report.slot == ~0ull) report.slot = tile * tile_lanes<T>;
+  }
+}
+
+CLEAVE_INLINE void prefetch_tiles(const char* tiles, std::uint64_t first, std::uint64_t last, std::uint32_t stride) {
+  for (const char *p = tiles + first * stride, *end = tiles + last * stride; p < end; p += 64) __builtin_prefetch(p);
+}
+
+// ------------------------------------------------------------------------------------------------- stages
+
+template <class T, int D>
+void particle_to_grid(const ParticleView& set, const BlockView& block, const StepView& step, void* scratch, BlockReport& report) {
+  auto& s = *static_cast<Scratch<T, D>*>(scratch);
+  using W = WeightRows<D>;
+  constexpr int lanes = tile_lanes<T>;
+  constexpr int quads = D + 1;
+  constexpr std::uint32_t row = CLEAVE_TILE_BYTES;
+  const int tiles = int((block.count + lanes - 1) / lanes);
+  const bool affine = step.scheme == TransferScheme::apic && step.stress;
+  const T density = T(set.relative_density), cell_size = T(step.cell_size), force = T(step.force_scale);
+  for (int t = 0; t < tiles; t += chunk_tiles<T>) {
+    const int end = t + chunk_tiles<T> < tiles ? t + chunk_tiles<T> : tiles;
+    const std::uint64_t first = block.first_tile + t;
+    const int count = int(block.count) - t * lanes < chunk_points ? int(block.count) - t * lanes : chunk_points;
+    prefetch_tiles(set.tiles, first + (end - t), first + (end - t) + (end + chunk_tiles<T> < tiles ? chunk_tiles<T> : tiles - end),
+                   set.stride);
+    if (step.stress) evaluate<T, D>(set.elasticity, false, set, first, count, step.time_step, s, report);
+    for (int k = 0; k < end - t; k++) {
+      const char* tile = set.tiles + (first + k) * set.stride;
+      T* w = s.weights + k * (W::count * lanes);
+      tile_weights<T, D, true>(set, tile, w, s.node + k * lanes);
+      const Tile<T> volume = load<T>(tile + set.volume), mass = volume * density;
+      const Tile<T> kv = volume * force, md = mass * cell_size;
+      constexpr int sym3[9] = {0, 3, 4, 3, 1, 5, 4, 5, 2};
+      Tile<T> A[D][D], q[D];
+      for (int i = 0; i < D; i++) {
+        for (int a = 0; a < D; a++) {
+          A[i][a] = affine ? md * load<T>(tile + set.affine + (D * i + a) * row) : Tile<T>{};
+          if (step.stress) A[i][a] -= kv * load<T>(s.stress + (k * stress_rows + sym3[3 * i + a]) * lanes);
+        }
+        q[i] = mass * load<T>(tile + set.velocity + i * row);
+        for (int a = 0; a < D; a++) q[i] += A[i][a] * load<T>(w + (W::offset + a) * lanes);
+      }
+      // records: [m q][0 A_x][0 A_y][0 A_z]
+      T* rows = s.rows;
+      store<T>(rows, mass);
+      for (int i = 0; i < 3; i++) store<T>(rows + (1 + i) * lanes, i < D ? q[i < D ? i : 0] : Tile<T>{});
+      for (int a = 0; a < D; a++) {
+        store<T>(rows + (4 + 4 * a) * lanes, Tile<T>{});
+        for (int i = 0; i < 3; i++) store<T>(rows + (5 + 4 * a + i) * lanes, i < D ? A[i < D ? i : 0][a] : Tile<T>{});
+      }
+      lanes_to_records<T, quads>(rows, s.records + k * lanes * record_size);
+    }
+    scatter<T, D>(s.scatter_arena, s.records, s.weights, s.node, count);
+  }
+  merge_arena<T, D>(static_cast<T*>(step.grid), block, s.scatter_arena);
+}
+
+/// b <- A b A^T for the stored components.
+template <class T, int D>
+CLEAVE_INLINE void update_b(char* strain, const Tile<T> (&A)[D][D]) {
+  constexpr std::uint32_t row = CLEAVE_TILE_BYTES;
+  if constexpr (D == 3) {
+    Tile<T> b[6], t[3][3];
+    for (int i = 0; i < 6; i++) b[i] = load<T>(strain + i * row);
+    constexpr int at[3][3] = {{0, 3, 4}, {3, 1, 5}, {4, 5, 2}};
+    for (int i = 0; i < 3; i++)
+      for (int j = 0; j < 3; j++) t[i][j] = A[i][0] * b[at[0][j]] + A[i][1] * b[at[1][j]] + A[i][2] * b[at[2][j]];
+    const auto component = [&](int i, int j) { return t[i][0] * A[j][0] + t[i][1] * A[j][1] + t[i][2] * A[j][2]; };
+    store<T>(strain, component(0, 0));
+    store<T>(strain + row, component(1, 1));
+    store<T>(strain + 2 * row, component(2, 2));
+    store<T>(strain + 3 * row, component(0, 1));
+    store<T>(strain + 4 * row, component(0, 2));
+    store<T>(strain + 5 * row, component(1, 2));
+  } else {  // xx yy zz xy; zz does not change in plane strain
+    const Tile<T> xx = load<T>(strain), yy = load<T>(strain + row), xy = load<T>(strain + 3 * row);
+    const Tile<T> t00 = A[0][0] * xx + A[0][1] * xy, t01 = A[0][0] * xy + A[0][1] * yy;
+    const Tile<T> t10 = A[1][0] * xx + A[1][1] * xy, t11 = A[1][0] * xy + A[1][1] * yy;
+    store<T>(strain, t00 * A[0][0] + t01 * A[0][1]);
+    store<T>(strain + row, t10 * A[1][0] + t11 * A[1][1]);
+    store<T>(strain + 3 * row, t00 * A[1][0] + t01 * A[1][1]);
+  }
+}
+
+/// F <- A F. 2D: F is 00 01 10 11 22, and 22 does not change.
+template <class T, int D>
+CLEAVE_INLINE void update_F(char* strain, const Tile<T> (&A)[D][D]) {
+  constexpr std::uint32_t row = CLEAVE_TILE_BYTES;
+  for (int j = 0; j < D; j++) {
+    Tile<T> f[D];
+    for (int i = 0; i < D; i++) f[i] = load<T>(strain + (D * i + j) * row);
+    for (int i = 0; i < D; i++) {
+      Tile<T> sum = A[i][0] * f[0];
+      for (int a = 1; a < D; a++) sum += A[i][a] * f[a];
+      store<T>(strain + (D * i + j) * row, sum);
+    }
+  }
+}
+
+template <class T, int D>
+void grid_to_particle(const ParticleView& set, const BlockView& block, const StepView& step, void* scratch, BlockReport& report) {
+  auto& s = *static_cast<Scratch<T, D>*>(scratch);
+  using W = WeightRows<D>;
+  constexpr int lanes = tile_lanes<T>;
+  constexpr int quads = D + 1;
+  constexpr std::uint32_t row = CLEAVE_TILE_BYTES;
+  const bool flip = step.scheme == TransferScheme::flip, apic = step.scheme == TransferScheme::apic;
+  load_arena<T, D>(static_cast<const T*>(step.grid), block, s.gather_arena);
+  if (flip) load_arena<T, D>(static_cast<const T*>(step.grid_before), block, s.before_arena);
+  const int tiles = int((block.count + lanes - 1) / lanes);
+  const T dt = T(step.time_step), to_cells = T(step.time_step / step.cell_size), gradient = T(4 / step.cell_size);
+  const T ratio = T(step.flip_ratio);
+  constexpr T low = T(-0.5), high = T(GridShape<D>::block_edge + 1.5);
+  Tile<T> fastest{};
+  typename TileTypes<T>::Mask strayed{}, broken{}, inverted{};
+  for (int t = 0; t < tiles; t += chunk_tiles<T>) {
+    const int end = t + chunk_tiles<T> < tiles ? t + chunk_tiles<T> : tiles;
+    const std::uint64_t first = block.first_tile + t;
+    const int count = int(block.count) - t * lanes < chunk_points ? int(block.count) - t * lanes : chunk_points;
+    prefetch_tiles(set.tiles, first + (end - t), first + (end - t) + (end + chunk_tiles<T> < tiles ? chunk_tiles<T> : tiles - end),
+                   set.stride);
+    for (int k = 0; k < end - t; k++)
+      tile_weights<T, D, false>(set, set.tiles + (first + k) * set.stride, s.weights + k * (W::count * lanes), s.node + k * lanes);
+    gather_chunk<T, D>(s.gather_arena, s.weights, s.node, count, s.records);
+    if (flip) gather_chunk<T, D>(s.before_arena, s.weights, s.node, count, s.before_records);
+    for (int k = 0; k < end - t; k++) {
+      char* tile = set.tiles + (first + k) * set.stride;
+      const T* w = s.weights + k * (W::count * lanes);
+      T* rows = s.rows;
+      records_to_lanes<T, quads>(s.records + k * lanes * record_size, rows);
+      Tile<T> v[D], A[D][D];
+      for (int i = 0; i < D; i++) v[i] = load<T>(rows + (1 + i) * lanes);
+      for (int a = 0; a < D; a++) {
+        const Tile<T> offset = load<T>(w + (W::offset + a) * lanes);
+        for (int i = 0; i < D; i++) A[i][a] = gradient * (load<T>(rows + (5 + 4 * a + i) * lanes) + offset * v[i]);
+      }
+      for (int i = 0; i < D; i++)
+        for (int a = 0; a < D; a++) store<T>(tile + set.affine + (D * i + a) * row, apic ? A[i][a] : Tile<T>{});
+      for (int i = 0; i < D; i++) {
+        char* position = tile + set.position + i * row;
+        const Tile<T> x = load<T>(position) + to_cells * v[i];
+        store<T>(position, x);
+        strayed |= (x < low) | (x >= high);
+        const Tile<T> speed = magnitude<T>(v[i]);
+        fastest = maximum<T>(speed, fastest);
+        broken |= ~(speed < T(1e18));
+      }
+      if (flip) {
+        records_to_lanes<T, quads>(s.before_records + k * lanes * record_size, s.before_rows);
+        for (int i = 0; i < D; i++) {
+          char* velocity = tile + set.velocity + i * row;
+          const Tile<T> change = v[i] - load<T>(s.before_rows + (1 + i) * lanes);
+          store<T>(velocity, v[i] + ratio * (load<T>(velocity) + change - v[i]));
+        }
+      } else {
+        for (int i = 0; i < D; i++) store<T>(tile + set.velocity + i * row, v[i]);
+      }
+      for (int i = 0; i < D; i++)
+        for (int a = 0; a < D; a++) A[i][a] = dt * A[i][a] + T(i == a ? 1 : 0);
+      if (set.detect_inversion) {
+        Tile<T> det;
+        if constexpr (D == 3)
+          det = A[0][0] * (A[1][1] * A[2][2] - A[1][2] * A[2][1]) - A[0][1] * (A[1][0] * A[2][2] - A[1][2] * A[2][0]) +
+                A[0][2] * (A[1][0] * A[2][1] - A[1][1] * A[2][0]);
+        else
+          det = A[0][0] * A[1][1] - A[0][1] * A[1][0];
+        inverted |= ~(det > T(0));
+      }
+      if (set.stores_b)
+        update_b<T, D>(tile + set.strain, A);
+      else
+        update_F<T, D>(tile + set.strain, A);
+      const auto trouble = broken | inverted;
+      if (__builtin_expect(any(trouble), 0) && report.slot == ~0ull)
+        for (int l = 0; l < lanes; l++)
+          if (trouble[l]) {
+            report.slot = (first + k) * lanes + l;
+            break;
+          }
+    }
+    if (set.plasticity.function) evaluate<T, D>(set.plasticity, true, set, first, count, step.time_step, s, report);
+  }
+  for (int l = 0; l < lanes; l++)
+    if (double(fastest[l]) > report.maximum_speed) report.maximum_speed = double(fastest[l]);
+  report.strayed = report.strayed || any(strayed);
+  report.not_finite = report.not_finite || any(broken);
+  report.inverted = report.inverted || any(inverted);
+}
+
+template <class T, int D>
+void grid_update(T* grid, std::uint64_t first, std::uint64_t last, const T* velocity_change) {
+  const Quad<T> change = {0, velocity_change[0], velocity_change[1], velocity_change[2]};
+  constexpr std::size_t numbers = GridShape<D>::block_nodes * 4;
+  for (T *p = grid + first * numbers, *end = grid + last * numbers; p < end; p += 4) {
+    const Quad<T> node = load_quad(p);
+    const T mass = node[0];
+    if (!(mass > T(0))) continue;
+    Quad<T> velocity = node * (T(1) / mass) + change;
+    velocity[0] = mass;
+    store_quad(p, velocity);
+  }
+}
+
+template <class T, int D>
+TransferKernels<T, D> table() {
+  return {sizeof(Scratch<T, D>), particle_to_grid<T, D>, grid_update<T, D>, grid_to_particle<T, D>};
+}
+
+}  // namespace
+}  // namespace cleave::mpm::kernel
+
+extern "C" __attribute__((visibility("default"))) const cleave::mpm::KernelSet* cleave_kernels() {
+  using namespace cleave::mpm;
+  static const KernelSet set{CLEAVE_KERNEL_ISA, kernel::table<float, 2>(), kernel::table<float, 3>(), kernel::table<double, 2>(),
+                             kernel::table<double, 3>()};
+  return &set;
+}

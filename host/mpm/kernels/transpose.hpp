@@ -1,0 +1,89 @@
+#pragma once
+
+#include "mpm/kernels/row.hpp"
+
+/// Between components of lanes (one row of a tile per component) and one record of 16 numbers per particle.
+namespace cleave::mpm::kernel {
+
+inline constexpr int record_size = 16;
+
+template <class T>
+CLEAVE_INLINE void transpose_quads(Quad<T>& a, Quad<T>& b, Quad<T>& c, Quad<T>& d) {
+  const Quad<T> ab_low = __builtin_shufflevector(a, b, 0, 4, 1, 5), ab_high = __builtin_shufflevector(a, b, 2, 6, 3, 7);
+  const Quad<T> cd_low = __builtin_shufflevector(c, d, 0, 4, 1, 5), cd_high = __builtin_shufflevector(c, d, 2, 6, 3, 7);
+  a = __builtin_shufflevector(ab_low, cd_low, 0, 1, 4, 5);
+  b = __builtin_shufflevector(ab_low, cd_low, 2, 3, 6, 7);
+  c = __builtin_shufflevector(ab_high, cd_high, 0, 1, 4, 5);
+  d = __builtin_shufflevector(ab_high, cd_high, 2, 3, 6, 7);
+}
+
+/// rows: quads*4 rows of `lanes` numbers -> records[lane * record_size + row]
+template <class T, int Quads>
+CLEAVE_INLINE void lanes_to_records(const T* rows, T* records) {
+  constexpr int lanes = 64 / int(sizeof(T));
+#if defined(__AVX512F__) && defined(__AVX512VL__) && defined(__AVX512DQ__)
+  if constexpr (sizeof(T) == 4 && Quads == 4) {
+    __m512 r[16], t[16];
+    for (int i = 0; i < 16; i++) r[i] = _mm512_load_ps(reinterpret_cast<const float*>(rows) + 16 * i);
+    for (int i = 0; i < 16; i += 2) {
+      t[i] = _mm512_unpacklo_ps(r[i], r[i + 1]);
+      t[i + 1] = _mm512_unpackhi_ps(r[i], r[i + 1]);
+    }
+    for (int i = 0; i < 16; i += 4) {
+      const __m512d a = _mm512_castps_pd(t[i]), b = _mm512_castps_pd(t[i + 1]), c = _mm512_castps_pd(t[i + 2]),
+                    d = _mm512_castps_pd(t[i + 3]);
+      r[i] = _mm512_castpd_ps(_mm512_unpacklo_pd(a, c));
+      r[i + 1] = _mm512_castpd_ps(_mm512_unpackhi_pd(a, c));
+      r[i + 2] = _mm512_castpd_ps(_mm512_unpacklo_pd(b, d));
+      r[i + 3] = _mm512_castpd_ps(_mm512_unpackhi_pd(b, d));
+    }
+    for (int i = 0; i < 4; i++) {
+      const __m512 a = _mm512_shuffle_f32x4(r[i], r[i + 4], 0x88), b = _mm512_shuffle_f32x4(r[i], r[i + 4], 0xdd),
+                   c = _mm512_shuffle_f32x4(r[i + 8], r[i + 12], 0x88), d = _mm512_shuffle_f32x4(r[i + 8], r[i + 12], 0xdd);
+      float* out = reinterpret_cast<float*>(records);
+      _mm512_store_ps(out + 16 * i, _mm512_shuffle_f32x4(a, c, 0x88));
+      _mm512_store_ps(out + 16 * (i + 8), _mm512_shuffle_f32x4(a, c, 0xdd));
+      _mm512_store_ps(out + 16 * (i + 4), _mm512_shuffle_f32x4(b, d, 0x88));
+      _mm512_store_ps(out + 16 * (i + 12), _mm512_shuffle_f32x4(b, d, 0xdd));
+    }
+    return;
+  }
+#endif
+  for (int q = 0; q < Quads; q++)
+    for (int l = 0; l < lanes; l += 4) {
+      const T* p = rows + 4 * q * lanes + l;
+      Quad<T> a = load_quad(p), b = load_quad(p + lanes), c = load_quad(p + 2 * lanes), d = load_quad(p + 3 * lanes);
+      transpose_quads<T>(a, b, c, d);
+      T* out = records + l * record_size + 4 * q;
+      store_quad(out, a);
+      store_quad(out + record_size, b);
+      store_quad(out + 2 * record_size, c);
+      store_quad(out + 3 * record_size, d);
+    }
+}
+
+/// records[lane * record_size + row] -> quads*4 rows of `lanes` numbers
+template <class T, int Quads>
+CLEAVE_INLINE void records_to_lanes(const T* records, T* rows) {
+  constexpr int lanes = 64 / int(sizeof(T));
+#if defined(__AVX512F__) && defined(__AVX512VL__) && defined(__AVX512DQ__)
+  if constexpr (sizeof(T) == 4 && Quads == 4) {
+    lanes_to_records<T, Quads>(records, rows);  // a 16x16 transpose is its own inverse
+    return;
+  }
+#endif
+  for (int q = 0; q < Quads; q++)
+    for (int l = 0; l < lanes; l += 4) {
+      const T* p = records + l * record_size + 4 * q;
+      Quad<T> a = load_quad(p), b = load_quad(p + record_size), c = load_quad(p + 2 * record_size),
+              d = load_quad(p + 3 * record_size);
+      transpose_quads<T>(a, b, c, d);
+      T* out = rows + 4 * q * lanes + l;
+      store_quad(out, a);
+      store_quad(out + lanes, b);
+      store_quad(out + 2 * lanes, c);
+      store_quad(out + 3 * lanes, d);
+    }
+}
+
+}  // namespace cleave::mpm::kernel

@@ -1,0 +1,69 @@
+#pragma once
+
+#include "config/scene.hpp"
+#include "mpm/kernels/kernels.hpp"
+#include "mpm/particles.hpp"
+#include "plugins/registry.hpp"
+
+#include <initializer_list>
+#include <string>
+#include <vector>
+
+namespace cleave::mpm {
+
+/// Owns a cleave_layout: which components of which stream make up each field.
+class LawLayout {
+ public:
+  explicit LawLayout(std::initializer_list<std::uint32_t> strides);
+  void add(cleave_field_id, const std::vector<cleave_component>&);
+  const cleave_layout* get() const;
+
+ private:
+  std::vector<std::uint32_t> strides_;
+  std::vector<cleave_field> fields_;
+  std::vector<cleave_component> components_;
+  mutable cleave_layout layout_{};
+};
+
+/// A material of the scene with its laws composed: what is stored follows from what they declare.
+class Material {
+ public:
+  Material(const config::Material&, plugins::Registry&, int dimension, double cell_size);
+
+  const std::string& name() const { return name_; }
+  double density() const { return density_; }
+  const TileLayout& layout() const { return layout_; }
+  const plugins::Instance& elasticity() const { return elasticity_; }
+  const plugins::Instance& plasticity() const { return plasticity_; }
+  /// Names and components of the stored state variables, in order.
+  const std::vector<plugins::State>& states() const { return states_; }
+  std::vector<double> initial_state() const;
+  const std::optional<config::Fibers>& fibers() const { return fibers_; }
+  bool detects_inversion() const { return detects_inversion_; }
+
+  /// Laws as the kernels call them, in the given precision.
+  template <class T>
+  BoundLaw stress() const;
+  template <class T>
+  BoundLaw return_mapping() const;
+  /// Evaluations outside the step; scratch is stream 1, one row per tile.
+  enum class Measure { energy, wave_modulus };
+  template <class T>
+  BoundLaw measure(Measure) const;
+
+ private:
+  std::vector<cleave_component> strain_input() const;
+  void add_inputs(LawLayout&, const plugins::Description&) const;
+
+  std::string name_;
+  double density_;
+  int dimension_;
+  plugins::Instance elasticity_, plasticity_;
+  std::optional<config::Fibers> fibers_;
+  std::vector<plugins::State> states_;
+  bool detects_inversion_ = false;
+  TileLayout layout_;
+  LawLayout stress_, return_mapping_, energy_, wave_modulus_;
+};
+
+}  // namespace cleave::mpm

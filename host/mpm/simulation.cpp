@@ -1,0 +1,678 @@
+#include "mpm/simulation.hpp"
+
+#include "common/error.hpp"
+#include "mpm/bodies.hpp"
+#include "mpm/colliders.hpp"
+#include "mpm/grid.hpp"
+#include "mpm/handles.hpp"
+#include "mpm/material.hpp"
+#include "mpm/particles.hpp"
+#include "mpm/time_step.hpp"
+
+#include <fmt/format.h>
+#include <spdlog/spdlog.h>
+#include <tbb/enumerable_thread_specific.h>
+#include <tbb/parallel_for.h>
+
+#include <Eigen/LU>
+#include <algorithm>
+#include <chrono>
+#include <map>
+#include <numeric>
+
+namespace cleave::mpm {
+namespace {
+
+using Clock = std::chrono::steady_clock;
+
+enum Stage { sort_stage, to_grid_stage, grid_stage, to_particles_stage, bound_stage, stage_count };
+constexpr const char* stage_names[stage_count] = {"sort", "particles to grid", "grid update", "grid to particles", "step bounds"};
+
+/// Elastic waves are measured every this many steps: they change by fractions of a percent from step to step, and the CFL
+/// number leaves a factor of two.
+constexpr int wave_interval = 8;
+
+template <class T, int D>
+class MpmSimulation final : public Simulation {
+  using Set = Particles<T, D>;
+  static constexpr int lanes = tile_lanes<T>;
+
+ public:
+  MpmSimulation(const config::Scene& scene, plugins::Registry& registry)
+      : scene_(scene),
+        kernels_(pick(load_kernels())),
+        cell_size_(scene.simulation.cell_size),
+        colliders_(scene.colliders, scene.simulation.cell_size),
+        handles_(scene.handles, scene.simulation.cell_size),
+        scratch_([size = kernels_.scratch_bytes] { return Buffer(size); }) {
+    for (const auto& m : scene.materials)
+      materials_.push_back(std::make_unique<Material>(m, registry, D, cell_size_));
+    if (scene.materials.empty() || scene.bodies.empty()) throw InputError("the scene has no body to simulate");
+    reference_density_ = 0;
+    for (const auto& m : materials_) reference_density_ = std::max(reference_density_, m->density());
+    constants_.reserve(64);
+    std::fill_n(reinterpret_cast<T*>(constants_.data()) + lanes, lanes, T(1));
+    populate();
+    sort();
+    maximum_speed_ = 0;
+    for (const auto& s : sets_)
+      s->for_each([&](const auto&, std::uint64_t slot) {
+        for (int a = 0; a < D; a++)
+          maximum_speed_ = std::max(maximum_speed_, std::abs(double(s->value(s->layout().velocity, a, slot))));
+      });
+    if (!scene.simulation.time_step) measure_waves();
+  }
+
+  void step(double target) override {
+    if (needs_sort_) sort();
+    const double dt = choose_step(target);
+    time_step_ = dt;
+
+    StepView view;
+    view.time_step = dt;
+    view.cell_size = cell_size_;
+    view.force_scale = 4 * dt / (cell_size_ * reference_density_);
+    view.scheme = scene_.simulation.transfer == config::Transfer::apic  ? TransferScheme::apic
+                  : scene_.simulation.transfer == config::Transfer::pic ? TransferScheme::pic
+                                                                        : TransferScheme::flip;
+    view.flip_ratio = scene_.simulation.flip_ratio;
+    view.grid = grid_.data();
+
+    particles_to_grid(view);
+    update_grid(view);
+    grid_to_particles(view);
+
+    if (target - (time_ + dt) < 1e-9 * dt)
+      time_ = target;
+    else
+      time_ += dt;
+    steps_++;
+  }
+
+  double time() const override { return time_; }
+  std::int64_t steps() const override { return steps_; }
+  std::int64_t particles() const override { return particle_count_; }
+  const char* isa() const override { return load_kernels().isa; }
+
+  output::ParticleFrame frame(int index) const override;
+  output::FrameRecord measure() override;
+
+  std::vector<std::pair<std::string, double>> stage_seconds() const override {
+    std::vector<std::pair<std::string, double>> r;
+    for (int s = 0; s < stage_count; s++) r.emplace_back(stage_names[s], stage_seconds_[s]);
+    return r;
+  }
+  std::vector<std::pair<std::string, std::int64_t>> limits() const override { return {limits_.begin(), limits_.end()}; }
+  std::vector<std::pair<std::string, double>> bytes_per_particle() const override;
+  std::vector<output::PluginRecord> plugins() const override {
+    std::map<std::string, output::PluginRecord> used;
+    for (const auto& m : materials_)
+      for (const auto* law : {&m->elasticity(), &m->plasticity()})
+        if (*law) {
+          const auto& d = law->description();
+          used[d.id] = {d.id, d.version, law->plugin().path().string()};
+        }
+    std::vector<output::PluginRecord> r;
+    for (auto& [id, record] : used) r.push_back(record);
+    return r;
+  }
+
+ private:
+  static const TransferKernels<T, D>& pick(const KernelSet& k) {
+    if constexpr (std::is_same_v<T, float>) {
+      if constexpr (D == 2) return k.single_2d;
+      else return k.single_3d;
+    } else {
+      if constexpr (D == 2) return k.double_2d;
+      else return k.double_3d;
+    }
+  }
+
+  /// Adds the seconds a scope takes to a stage.
+  struct Timer {
+    Timer(MpmSimulation& sim, Stage stage) : seconds(sim.stage_seconds_[stage]) {}
+    ~Timer() { seconds += std::chrono::duration<double>(Clock::now() - start).count(); }
+    double& seconds;
+    Clock::time_point start = Clock::now();
+  };
+
+  void populate();
+  void sort();
+  double choose_step(double target);
+  void measure_waves();
+  void particles_to_grid(StepView&);
+  void update_grid(const StepView&);
+  void grid_to_particles(const StepView&);
+  void check(const std::vector<BlockReport>&, std::size_t set, const char* stage);
+  [[noreturn]] void fail(std::size_t set, const BlockReport&, const char* stage);
+
+  ParticleView view(std::size_t set) const {
+    const Set& s = *sets_[set];
+    const TileLayout& l = s.layout();
+    const Material& m = *materials_[set_material_[set]];
+    ParticleView v;
+    v.tiles = s.data();
+    v.stride = l.stride;
+    v.position = l.position;
+    v.velocity = l.velocity;
+    v.affine = l.affine;
+    v.volume = l.volume;
+    v.strain = l.strain;
+    v.stores_b = l.stores_b;
+    v.detect_inversion = m.detects_inversion();
+    v.relative_density = m.density() / reference_density_;
+    v.elasticity = m.stress<T>();
+    v.plasticity = m.return_mapping<T>();
+    v.constants = constants_.data();
+    return v;
+  }
+  std::vector<Set*> sets() {
+    std::vector<Set*> r;
+    for (auto& s : sets_) r.push_back(s.get());
+    return r;
+  }
+  std::vector<const Set*> sets() const {
+    std::vector<const Set*> r;
+    for (auto& s : sets_) r.push_back(s.get());
+    return r;
+  }
+  void* scratch() { return scratch_.local().data(); }
+
+  /// Calls a law outside the step for all points of a set; f(first slot, values, count) gets one number per point.
+  template <class F>
+  void evaluate(std::size_t set, const BoundLaw& law, F&& f) const;
+
+  config::Scene scene_;
+  const TransferKernels<T, D>& kernels_;
+  double cell_size_;
+  double reference_density_ = 1;
+  std::vector<std::unique_ptr<Material>> materials_;
+  std::vector<std::unique_ptr<Set>> sets_;
+  std::vector<std::size_t> set_material_;
+  std::vector<std::string> body_names_;
+  std::vector<std::uint32_t> first_id_;  // of each body, and the end
+  Grid<T, D> grid_;
+  Colliders<T, D> colliders_;
+  Handles<T, D> handles_;
+  Buffer constants_;
+  tbb::enumerable_thread_specific<Buffer> scratch_;
+
+  double time_ = 0, time_step_ = 0, maximum_speed_ = 0, wave_step_ = 0;
+  std::int64_t steps_ = 0, steps_at_measure_ = 0, waves_at_ = 0, particle_count_ = 0;
+  const char* limited_by_ = "";
+  bool needs_sort_ = false;
+  bool warned_unreliable_ = false;
+  std::map<std::string, std::int64_t> limits_;
+  double stage_seconds_[stage_count] = {};
+};
+
+// ------------------------------------------------------------------------------------------------- start
+
+template <class T, int D>
+void MpmSimulation<T, D>::populate() {
+  const std::vector<SampledBody> bodies = sample_bodies(scene_);
+  const double cell_volume = std::pow(cell_size_, D);
+  std::vector<std::vector<NewParticle>> particles(materials_.size());
+  std::vector<std::vector<double>> states(materials_.size()), fibers(materials_.size());
+  std::vector<std::uint16_t> handle_of_id;
+  std::vector<std::unique_ptr<scene::SignedDistance>> regions;
+  for (const auto& h : scene_.handles) regions.push_back(scene::build_shape(h.region, cell_size_ / 2));
+  std::vector<std::size_t> handled(regions.size(), 0);
+  std::uint32_t id = 0;
+  for (const auto& body : bodies) {
+    const auto& source = body.particles;
+    const Material& material = *materials_[body.material];
+    body_names_.push_back(body.name);
+    first_id_.push_back(id);
+    const std::vector<double> initial = material.initial_state();
+    std::vector<std::vector<const std::vector<double>*>> given;  // per state variable, per component
+    for (const auto& s : material.states()) {
+      std::vector<const std::vector<double>*> columns;
+      for (int c = 0; c < int(s.tensor); c++) {
+        const auto it = source.states.find(s.tensor == CLEAVE_SCALAR ? s.name : s.name + std::to_string(c));
+        columns.push_back(it == source.states.end() ? nullptr : &it->second);
+      }
+      given.push_back(columns);
+    }
+    for (std::size_t i = 0; i < source.positions.size(); i++, id++) {
+      NewParticle p;
+      p.id = id;
+      p.position = source.positions[i] / cell_size_;
+      p.velocity = source.velocities[i];
+      p.volume = source.volumes[i] / cell_volume;
+      if (!source.deformation.empty()) {
+        p.deformation = source.deformation[i];
+        if (material.detects_inversion() && !(p.deformation.determinant() > 0))
+          throw InputError(fmt::format("body '{}': particle {} starts with det F = {:.6g}, where {} is not defined", body.name, i,
+                                       p.deformation.determinant(), material.elasticity().description().id));
+      }
+      particles[body.material].push_back(p);
+      std::size_t component = 0;
+      for (const auto& columns : given)
+        for (const auto* column : columns) {
+          states[body.material].push_back(column ? (*column)[i] : initial[component]);
+          component++;
+        }
+      if (material.layout().fiber)
+        for (int a = 0; a < 3; a++) fibers[body.material].push_back(material.fibers()->direction[a]);
+      if (material.layout().second_fiber)
+        for (int a = 0; a < 3; a++) fibers[body.material].push_back((*material.fibers()->second)[a]);
+      std::uint16_t handle = Handles<T, D>::none;
+      for (std::size_t h = 0; h < regions.size(); h++)
+        if (handle == Handles<T, D>::none && (scene_.handles[h].body.empty() || scene_.handles[h].body == body.name) &&
+            regions[h]->distance(source.positions[i]) <= 0) {
+          handle = std::uint16_t(h);
+          handled[h]++;
+        }
+      if (!regions.empty()) handle_of_id.push_back(handle);
+    }
+  }
+  first_id_.push_back(id);
+  particle_count_ = id;
+  for (std::size_t h = 0; h < handled.size(); h++)
+    if (!handled[h])
+      throw InputError(to_string(scene_.handles[h].where) + ": error: handle '" + scene_.handles[h].name + "' holds no particle");
+  handles_.assign(std::move(handle_of_id));
+  for (std::size_t m = 0; m < materials_.size(); m++) {
+    if (particles[m].empty()) continue;
+    sets_.push_back(std::make_unique<Set>(materials_[m]->layout()));
+    set_material_.push_back(m);
+    sets_.back()->assign(particles[m], states[m], fibers[m]);
+  }
+}
+
+template <class T, int D>
+void MpmSimulation<T, D>::sort() {
+  Timer timer(*this, sort_stage);
+  if (needs_sort_) {
+    try {
+      for (auto& s : sets_) s->sort();
+    } catch (const SimulationError& e) {
+      throw SimulationError(fmt::format("step {} at t = {:.6g} s: {}", steps_, time_, e.what()));
+    }
+  }
+  needs_sort_ = false;
+  std::vector<BlockCoordinate> homes;
+  for (const auto& s : sets_)
+    for (const auto& b : s->blocks()) homes.push_back(b.coordinate);
+  grid_.rebuild(homes);
+  for (auto& s : sets_) {
+    auto& blocks = s->blocks();
+    tbb::parallel_for(std::size_t(0), blocks.size(), [&](std::size_t i) { grid_.link(blocks[i], blocks[i].coordinate); });
+  }
+  colliders_.prepare(grid_);
+  if (handles_.any()) handles_.prepare(sets());
+}
+
+// ------------------------------------------------------------------------------------------------- step size
+
+template <class T, int D>
+template <class F>
+void MpmSimulation<T, D>::evaluate(std::size_t set, const BoundLaw& law, F&& f) const {
+  const Set& s = *sets_[set];
+  tbb::parallel_for(std::size_t(0), s.blocks().size(), [&](std::size_t i) {
+    const auto& b = s.blocks()[i];
+    alignas(64) T values[chunk_points];
+    cleave_status status[chunk_points];
+    for (std::uint32_t k = 0; k < b.count; k += chunk_points) {
+      const std::uint32_t count = std::min<std::uint32_t>(chunk_points, b.count - k);
+      const std::uint64_t tile = b.first_tile + k / lanes;
+      std::fill_n(status, chunk_points, cleave_status(CLEAVE_STATUS_OK));
+      cleave_batch batch{};
+      batch.struct_size = sizeof batch;
+      batch.count = count;
+      batch.layout = law.layout;
+      batch.streams[0] = s.data() + tile * s.layout().stride;
+      batch.streams[1] = values;
+      batch.streams[2] = constants_.data();
+      batch.status = status;
+      law.function(law.instance, &batch);
+      f(i, tile * lanes, values, int(count));
+    }
+  });
+}
+
+template <class T, int D>
+void MpmSimulation<T, D>::measure_waves() {
+  Timer timer(*this, bound_stage);
+  double fastest = 0;  // squared wave speed
+  for (std::size_t s = 0; s < sets_.size(); s++) {
+    const Material& m = *materials_[set_material_[s]];
+    const BoundLaw law = m.measure<T>(Material::Measure::wave_modulus);
+    if (!law.function)
+      throw InputError(fmt::format("material '{}': {} declares no wave modulus, so no step size can be chosen: set "
+                                   "simulation.time_step in seconds",
+                                   m.name(), m.elasticity().description().id));
+    std::vector<double> largest(sets_[s]->blocks().size(), 0.0);
+    evaluate(s, law, [&](std::size_t block, std::uint64_t, const T* values, int count) {
+      for (int k = 0; k < count; k++)
+        if (double(values[k]) > largest[block]) largest[block] = double(values[k]);
+    });
+    for (double modulus : largest) fastest = std::max(fastest, modulus / m.density());
+  }
+  wave_step_ = fastest > 0 ? scene_.simulation.cfl * cell_size_ / std::sqrt(fastest) : std::numeric_limits<double>::infinity();
+  waves_at_ = steps_;
+}
+
+template <class T, int D>
+double MpmSimulation<T, D>::choose_step(double target) {
+  const auto& sim = scene_.simulation;
+  Bound bound{std::numeric_limits<double>::infinity(), "frame"};
+  const auto consider = [&](double seconds, const char* name) {
+    if (seconds < bound.seconds) bound = {seconds, name};
+  };
+  if (sim.time_step) {
+    consider(*sim.time_step, "fixed");
+  } else {
+    if (steps_ - waves_at_ >= wave_interval) measure_waves();
+    consider(wave_step_, "elastic wave");
+    const double speed = std::max({maximum_speed_, colliders_.maximum_speed(time_), handles_.maximum_speed(time_)});
+    // a particle moves less than half a cell; gravity alone may still speed it up during the step
+    const double g = sim.gravity.norm(), half = 0.5 * cell_size_;
+    if (speed > 0 || g > 0) consider(2 * half / (speed + std::sqrt(speed * speed + 4 * g * half)), "particle speed");
+    if (sim.maximum_time_step > 0) consider(sim.maximum_time_step, "maximum");
+  }
+  const double remaining = target - time_;
+  const double dt = equal_steps(remaining, bound.seconds);
+  limited_by_ = dt < 0.5 * bound.seconds ? "frame" : bound.name;
+  limits_[limited_by_]++;
+  if (!(dt > 0) || time_ + dt == time_)
+    throw SimulationError(fmt::format("step {} at t = {:.6g} s: the stable step has shrunk to {:.3g} s ({})", steps_, time_,
+                                      bound.seconds, bound.name));
+  return dt;
+}
+
+// ------------------------------------------------------------------------------------------------- a step
+
+template <class T, int D>
+void MpmSimulation<T, D>::particles_to_grid(StepView& step) {
+  Timer timer(*this, to_grid_stage);
+  const bool flip = step.scheme == TransferScheme::flip;
+  const T no_change[3] = {};
+  for (int pass = flip ? 0 : 1; pass < 2; pass++) {
+    step.stress = pass == 1;
+    step.grid = pass == 1 ? grid_.data() : grid_.before();
+    grid_.clear(static_cast<T*>(step.grid));
+    for (std::size_t s = 0; s < sets_.size(); s++) {
+      const ParticleView particles = view(s);
+      const auto& blocks = sets_[s]->blocks();
+      std::vector<BlockReport> reports(blocks.size());
+      for (const auto& colour : sets_[s]->colours())
+        tbb::parallel_for(tbb::blocked_range<std::size_t>(0, colour.size(), 4), [&](const auto& range) {
+          void* memory = scratch();
+          for (std::size_t i = range.begin(); i < range.end(); i++)
+            kernels_.particle_to_grid(particles, blocks[colour[i]], step, memory, reports[colour[i]]);
+        });
+      check(reports, s, "particles to grid");
+    }
+    if (pass == 0) {  // FLIP compares with the velocities before forces
+      tbb::parallel_for(tbb::blocked_range<std::size_t>(0, grid_.blocks(), 64), [&](const auto& range) {
+        kernels_.grid_update(static_cast<T*>(step.grid), range.begin(), range.end(), no_change);
+      });
+      step.grid_before = step.grid;
+    }
+  }
+}
+
+template <class T, int D>
+void MpmSimulation<T, D>::update_grid(const StepView& step) {
+  Timer timer(*this, grid_stage);
+  T change[3];
+  for (int a = 0; a < 3; a++) change[a] = a < D ? T(scene_.simulation.gravity[a] * step.time_step) : T(0);
+  tbb::parallel_for(tbb::blocked_range<std::size_t>(0, grid_.blocks(), 64), [&](const auto& range) {
+    kernels_.grid_update(grid_.data(), range.begin(), range.end(), change);
+  });
+  if (handles_.any()) {
+    std::vector<double> densities;
+    for (auto m : set_material_) densities.push_back(materials_[m]->density() / reference_density_);
+    handles_.apply(grid_, std::as_const(*this).sets(), densities, time_, step.time_step);
+  }
+  colliders_.apply(grid_, time_ + step.time_step);
+}
+
+template <class T, int D>
+void MpmSimulation<T, D>::grid_to_particles(const StepView& step) {
+  Timer timer(*this, to_particles_stage);
+  std::vector<std::vector<Vector3>> held;
+  if (handles_.any()) held = handles_.positions(std::as_const(*this).sets());
+  maximum_speed_ = 0;
+  for (std::size_t s = 0; s < sets_.size(); s++) {
+    const ParticleView particles = view(s);
+    const auto& blocks = sets_[s]->blocks();
+    std::vector<BlockReport> reports(blocks.size());
+    tbb::parallel_for(tbb::blocked_range<std::size_t>(0, blocks.size(), 4), [&](const auto& range) {
+      void* memory = scratch();
+      for (std::size_t i = range.begin(); i < range.end(); i++)
+        kernels_.grid_to_particle(particles, blocks[i], step, memory, reports[i]);
+    });
+    for (const auto& r : reports) {
+      maximum_speed_ = std::max(maximum_speed_, r.maximum_speed);
+      needs_sort_ = needs_sort_ || r.strayed;
+    }
+    check(reports, s, "grid to particles");
+  }
+  if (handles_.any() && handles_.move(sets(), held, time_, step.time_step)) needs_sort_ = true;
+}
+
+// ------------------------------------------------------------------------------------------------- failure
+
+template <class T, int D>
+void MpmSimulation<T, D>::check(const std::vector<BlockReport>& reports, std::size_t set, const char* stage) {
+  for (const auto& r : reports) {
+    if (r.status >= CLEAVE_STATUS_RETRY || r.result != CLEAVE_OK || r.not_finite || r.inverted) fail(set, r, stage);
+    if (r.status == CLEAVE_STATUS_UNRELIABLE && !warned_unreliable_) {
+      warned_unreliable_ = true;
+      const Material& m = *materials_[set_material_[set]];
+      spdlog::warn("step {}: {} reports points outside its range of validity (material '{}'); said once", steps_,
+                   (r.plasticity_failed ? m.plasticity() : m.elasticity()).description().id, m.name());
+    }
+  }
+}
+
+template <class T, int D>
+void MpmSimulation<T, D>::fail(std::size_t set, const BlockReport& r, const char* stage) {
+  const Material& m = *materials_[set_material_[set]];
+  const Set& s = *sets_[set];
+  const auto& law = (r.plasticity_failed ? m.plasticity() : m.elasticity()).description();
+  std::string what;
+  if (r.not_finite)
+    what = "velocity is not finite";
+  else if (r.inverted)
+    what = fmt::format("the material turned inside out within one step, where {} is not defined", law.id);
+  else if (r.result != CLEAVE_OK)
+    what = fmt::format("plugin {} {} failed with error {}", law.id, law.version, r.result);
+  else
+    what = fmt::format("plugin {} {} has no valid result{}", law.id, law.version,
+                       r.status == CLEAVE_STATUS_RETRY ? " for this step size; try a smaller simulation.time_step" : "");
+  std::string who;
+  const auto* block = r.slot == ~0ull ? nullptr : s.block_of(r.slot);
+  if (block) {
+    const std::uint32_t id = s.id(r.slot);
+    const std::size_t body = std::size_t(std::upper_bound(first_id_.begin(), first_id_.end(), id) - first_id_.begin()) - 1;
+    const Vector3 x = s.position(*block, r.slot) * cell_size_;
+    who = fmt::format("particle {} (body '{}', material '{}') at ({:.6g}, {:.6g}, {:.6g}) m, J = {:.4g}", id, body_names_[body],
+                      m.name(), x[0], x[1], x[2], s.jacobian(r.slot));
+  } else {
+    who = fmt::format("material '{}'", m.name());
+  }
+  throw SimulationError(
+      fmt::format("step {} at t = {:.6g} s, dt = {:.3g} s, {}: {}: {}", steps_, time_, time_step_, stage, who, what));
+}
+
+// ------------------------------------------------------------------------------------------------- looking at it
+
+template <class T, int D>
+output::ParticleFrame MpmSimulation<T, D>::frame(int index) const {
+  output::ParticleFrame f;
+  f.index = index;
+  f.time = time_;
+  f.dimension = D;
+  f.cell_size = cell_size_;
+  f.bodies = body_names_;
+  const auto n = std::size_t(particle_count_);
+  f.ids.resize(n);
+  f.body.resize(n);
+  f.positions.resize(n);
+  f.velocities.resize(n);
+  f.volumes.resize(n);
+  std::iota(f.ids.begin(), f.ids.end(), 0);
+  for (std::size_t b = 0; b + 1 < first_id_.size(); b++)
+    std::fill(f.body.begin() + first_id_[b], f.body.begin() + first_id_[b + 1], std::int32_t(b));
+  const auto& asked = scene_.output.attributes;
+  const auto wanted = [&](const std::string& name, bool by_default) {
+    return asked.empty() ? by_default : std::find(asked.begin(), asked.end(), name) != asked.end();
+  };
+  const auto attribute = [&](const std::string& name, int components, const std::string& unit) -> output::Attribute& {
+    for (auto& a : f.attributes)
+      if (a.name == name) return a;
+    f.attributes.push_back({name, components, unit, std::vector<float>(n * std::size_t(components), 0.f)});
+    return f.attributes.back();
+  };
+  const double cell_volume = std::pow(cell_size_, D);
+  for (std::size_t k = 0; k < sets_.size(); k++) {
+    const Set& s = *sets_[k];
+    const Material& m = *materials_[set_material_[k]];
+    s.for_each([&](const auto& block, std::uint64_t slot) {
+      const std::uint32_t id = s.id(slot);
+      f.positions[id] = s.position(block, slot) * cell_size_;
+      Eigen::Vector3f v = Eigen::Vector3f::Zero();
+      for (int a = 0; a < D; a++) v[a] = float(s.value(s.layout().velocity, a, slot));
+      f.velocities[id] = v;
+      f.volumes[id] = float(double(s.value(s.layout().volume, slot)) * cell_volume);
+    });
+    if (wanted("J", true)) {
+      auto& a = attribute("J", 1, "1");
+      s.for_each([&](const auto&, std::uint64_t slot) { a.values[s.id(slot)] = float(s.jacobian(slot)); });
+    }
+    const char* strain = s.layout().stores_b ? "b" : "F";
+    if (wanted(strain, false)) {
+      auto& a = attribute(strain, 9, "1");
+      s.for_each([&](const auto&, std::uint64_t slot) {
+        const Matrix3 x = s.deformation_or_b(slot);
+        for (int i = 0; i < 9; i++) a.values[s.id(slot) * 9 + i] = float(x(i / 3, i % 3));
+      });
+    }
+    if (wanted("C", false)) {
+      auto& a = attribute("C", 9, "1/s");
+      s.for_each([&](const auto&, std::uint64_t slot) {
+        for (int i = 0; i < D; i++)
+          for (int j = 0; j < D; j++)
+            a.values[s.id(slot) * 9 + i * 3 + j] = float(s.value(s.layout().affine, i * D + j, slot));
+      });
+    }
+    int first = 0;
+    for (const auto& state : m.states()) {
+      const int components = int(state.tensor);
+      if (wanted(state.name, true)) {
+        auto& a = attribute(state.name, components, state.unit);
+        s.for_each([&](const auto&, std::uint64_t slot) {
+          for (int c = 0; c < components; c++)
+            a.values[s.id(slot) * components + c] = float(s.value(s.layout().state, first + c, slot));
+        });
+      }
+      first += components;
+    }
+  }
+  return f;
+}
+
+template <class T, int D>
+output::FrameRecord MpmSimulation<T, D>::measure() {
+  output::FrameRecord r;
+  r.time = time_;
+  r.steps = steps_ - steps_at_measure_;
+  steps_at_measure_ = steps_;
+  r.time_step = time_step_;
+  r.limited_by = limited_by_;
+  r.minimum_J = std::numeric_limits<double>::infinity();
+  r.maximum_J = -r.minimum_J;
+  const double cell_volume = std::pow(cell_size_, D), inertia = cell_size_ * cell_size_ / 4;
+  const Vector3 g = scene_.simulation.gravity;
+  for (std::size_t k = 0; k < sets_.size(); k++) {
+    const Set& s = *sets_[k];
+    const TileLayout& l = s.layout();
+    const double density = materials_[set_material_[k]]->density();
+    struct Sum {
+      double kinetic = 0, elastic = 0, gravity = 0, mass = 0, volume = 0, low = 1e300, high = -1e300, speed = 0;
+      Vector3 momentum = Vector3::Zero(), angular = Vector3::Zero(), moment = Vector3::Zero();
+    };
+    std::vector<Sum> sums(s.blocks().size());
+    tbb::parallel_for(std::size_t(0), s.blocks().size(), [&](std::size_t i) {
+      const auto& b = s.blocks()[i];
+      Sum& sum = sums[i];
+      for (std::uint32_t p = 0; p < b.count; p++) {
+        const std::uint64_t slot = b.first_tile * lanes + p;
+        const Vector3 x = s.position(b, slot) * cell_size_;
+        Vector3 v = Vector3::Zero();
+        Matrix3 C = Matrix3::Zero();
+        for (int a = 0; a < D; a++) {
+          v[a] = double(s.value(l.velocity, a, slot));
+          for (int j = 0; j < D; j++) C(a, j) = double(s.value(l.affine, a * D + j, slot));
+        }
+        const double volume = double(s.value(l.volume, slot)) * cell_volume, m = density * volume, J = s.jacobian(slot);
+        sum.kinetic += 0.5 * m * (v.squaredNorm() + inertia * C.squaredNorm());
+        sum.gravity -= m * g.dot(x);
+        sum.mass += m;
+        sum.volume += volume * J;
+        sum.momentum += m * v;
+        sum.moment += m * x;
+        sum.angular += m * (x.cross(v) + inertia * Vector3(C(2, 1) - C(1, 2), C(0, 2) - C(2, 0), C(1, 0) - C(0, 1)));
+        sum.low = std::min(sum.low, J);
+        sum.high = std::max(sum.high, J);
+        sum.speed = std::max(sum.speed, v.norm());
+      }
+    });
+    if (const BoundLaw law = materials_[set_material_[k]]->template measure<T>(Material::Measure::energy); law.function)
+      evaluate(k, law, [&](std::size_t block, std::uint64_t slot, const T* values, int count) {
+        for (int p = 0; p < count; p++)
+          sums[block].elastic += double(values[p]) * double(s.value(l.volume, slot + std::uint64_t(p))) * cell_volume;
+      });
+    for (const auto& sum : sums) {
+      r.kinetic_energy += sum.kinetic;
+      r.elastic_energy += sum.elastic;
+      r.gravity_energy += sum.gravity;
+      r.mass += sum.mass;
+      r.volume += sum.volume;
+      r.momentum += sum.momentum;
+      r.angular_momentum += sum.angular;
+      r.center_of_mass += sum.moment;
+      r.minimum_J = std::min(r.minimum_J, sum.low);
+      r.maximum_J = std::max(r.maximum_J, sum.high);
+      r.maximum_speed = std::max(r.maximum_speed, sum.speed);
+    }
+  }
+  if (r.mass > 0) r.center_of_mass /= r.mass;
+  return r;
+}
+
+template <class T, int D>
+std::vector<std::pair<std::string, double>> MpmSimulation<T, D>::bytes_per_particle() const {
+  std::vector<std::pair<std::string, double>> parts;
+  const auto n = double(particle_count_);
+  double total = 0;
+  for (std::size_t k = 0; k < sets_.size(); k++) {
+    const std::string prefix = sets_.size() > 1 ? materials_[set_material_[k]]->name() + ": " : "";
+    for (const auto& part : sets_[k]->layout().parts) {
+      const double bytes = double(part.components) * sizeof(T);
+      parts.emplace_back(prefix + part.name, bytes);
+      total += bytes * double(sets_[k]->size()) / n;
+    }
+  }
+  parts.emplace_back("id", 4.0);
+  parts.emplace_back("total", total + 4.0);
+  return parts;
+}
+
+}  // namespace
+
+std::unique_ptr<Simulation> Simulation::create(const config::Scene& scene, plugins::Registry& registry) {
+  const bool single = scene.simulation.precision == config::Precision::single_precision;
+  if (scene.simulation.dimension == 2) {
+    if (single) return std::make_unique<MpmSimulation<float, 2>>(scene, registry);
+    return std::make_unique<MpmSimulation<double, 2>>(scene, registry);
+  }
+  if (single) return std::make_unique<MpmSimulation<float, 3>>(scene, registry);
+  return std::make_unique<MpmSimulation<double, 3>>(scene, registry);
+}
+
+}  // namespace cleave::mpm

@@ -1,0 +1,44 @@
+#pragma once
+
+#include "config/scene.hpp"
+#include "output/frame.hpp"
+#include "plugins/registry.hpp"
+
+#include <cstdint>
+#include <memory>
+#include <string>
+#include <utility>
+#include <vector>
+
+namespace cleave::mpm {
+
+/// A scene in motion.
+class Simulation {
+ public:
+  virtual ~Simulation() = default;
+
+  /// Loads the scene's plugins, samples its bodies and composes its materials. Throws InputError.
+  static std::unique_ptr<Simulation> create(const config::Scene&, plugins::Registry&);
+
+  /// One step of the largest stable size, or less so that a whole number of equal steps ends at `target` (s).
+  /// Throws SimulationError naming step, time, particle, body and plugin; the state then is the one that failed.
+  virtual void step(double target) = 0;
+
+  virtual double time() const = 0;
+  virtual std::int64_t steps() const = 0;
+  virtual std::int64_t particles() const = 0;
+
+  /// All particles by id, with the attributes the scene asks for.
+  virtual output::ParticleFrame frame(int index) const = 0;
+  /// Energies, momenta and bounds of the present state; step counts are since the last call.
+  virtual output::FrameRecord measure() = 0;
+
+  virtual std::vector<std::pair<std::string, double>> stage_seconds() const = 0;
+  virtual std::vector<std::pair<std::string, std::int64_t>> limits() const = 0;  ///< steps that each bound set
+  /// Bytes per particle: what is stored for each material and why, then index and grid; "total" last.
+  virtual std::vector<std::pair<std::string, double>> bytes_per_particle() const = 0;
+  virtual std::vector<output::PluginRecord> plugins() const = 0;
+  virtual const char* isa() const = 0;
+};
+
+}  // namespace cleave::mpm
