@@ -3,6 +3,7 @@
 #include "scene/shape.hpp"
 
 #include <cstdint>
+#include <filesystem>
 #include <map>
 #include <optional>
 #include <string>
@@ -34,12 +35,15 @@ struct ParticleSource {
 
 /// Fills the inside of a shape with particles of equal volume, in a reproducible order (same seed, same particles, whatever
 /// the number of threads). In 2D the plane z = 0 is filled. The grid has nodes at multiples of cell_size.
+/// Every particle has the volume cell_size^dimension / particles_per_cell, which also is the density of each pattern, so that
+/// the volumes add up to the shape's as cells get smaller.
 /// Throws InputError if the shape is unbounded or holds no particle.
 ParticleSource sample(const SignedDistance&, const SamplingSpec&, double cell_size, int dimension);
 
 /// Reads a particle file: CSV with a header, columns x,y,z (z optional in 2D), then any of vx,vy,vz, volume, F00..F22, and
-/// state variables by name. Lines starting with '#' are skipped. `default_volume` applies where there is no volume column.
-/// Throws InputError with file:line and column name.
+/// state variables by name. Lines starting with '#' are skipped. Of a deformation gradient, 3D needs all nine components and 2D
+/// the four in the plane; in 2D everything out of the plane but F22 must be 0. `default_volume` applies where there is no
+/// volume column. Throws InputError with file:line and column name.
 ParticleSource read_particles(const std::filesystem::path&, int dimension, double default_volume);
 
 }  // namespace cleave::scene
