@@ -41,22 +41,6 @@ plugins::Instance instantiate(plugins::Registry& registry, const config::PluginU
 }
 }  // namespace
 
-LawLayout::LawLayout(std::initializer_list<std::uint32_t> strides) : strides_(strides), fields_(CLEAVE_FIELD_COUNT) {}
-
-void LawLayout::add(cleave_field_id field, const std::vector<cleave_component>& components) {
-  fields_[field] = {std::uint16_t(components_.size()), std::uint16_t(components.size())};
-  components_.insert(components_.end(), components.begin(), components.end());
-}
-
-const cleave_layout* LawLayout::get() const {
-  layout_.struct_size = sizeof layout_;
-  layout_.field_count = CLEAVE_FIELD_COUNT;
-  for (std::size_t i = 0; i < strides_.size(); i++) layout_.stride[i] = strides_[i];
-  layout_.fields = fields_.data();
-  layout_.components = components_.data();
-  return &layout_;
-}
-
 Material::Material(const config::Material& m, plugins::Registry& registry, int dimension, double cell_size)
     : name_(m.name),
       density_(m.density),

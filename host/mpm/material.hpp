@@ -2,28 +2,14 @@
 
 #include "config/scene.hpp"
 #include "mpm/kernels/kernels.hpp"
+#include "mpm/law_layout.hpp"
 #include "mpm/particles.hpp"
 #include "plugins/registry.hpp"
 
-#include <initializer_list>
 #include <string>
 #include <vector>
 
 namespace cleave::mpm {
-
-/// Owns a cleave_layout: which components of which stream make up each field.
-class LawLayout {
- public:
-  explicit LawLayout(std::initializer_list<std::uint32_t> strides);
-  void add(cleave_field_id, const std::vector<cleave_component>&);
-  const cleave_layout* get() const;
-
- private:
-  std::vector<std::uint32_t> strides_;
-  std::vector<cleave_field> fields_;
-  std::vector<cleave_component> components_;
-  mutable cleave_layout layout_{};
-};
 
 /// A material of the scene with its laws composed: what is stored follows from what they declare.
 class Material {
