@@ -235,7 +235,8 @@ struct Register<double> : PortableRegister<double, DoubleVector, Int64Vector, Ui
 template <class S>
 struct Lanes;
 
-/// One truth value per lane: the result of comparing Lanes<S>. Combine with & | ^ !, reduce with any, all, none.
+/// One truth value per lane: the result of comparing Lanes<S>. Combine with && || ! (or & | ^), reduce with any, all, none.
+/// Formulas that also run on plain numbers should use && and ||: compilers warn of & between two bools.
 template <class S>
 struct LaneMask {
   using Register = detail::Register<S>;
@@ -267,6 +268,9 @@ struct LaneMask {
     return LaneMask(static_cast<typename Register::Mask>(a.native ^ b.native));
   }
   friend CLEAVE_INLINE LaneMask operator!(LaneMask a) { return LaneMask(static_cast<typename Register::Mask>(~a.native)); }
+  /// Both sides are evaluated, as always on lanes.
+  friend CLEAVE_INLINE LaneMask operator&&(LaneMask a, LaneMask b) { return a & b; }
+  friend CLEAVE_INLINE LaneMask operator||(LaneMask a, LaneMask b) { return a | b; }
   CLEAVE_INLINE LaneMask& operator&=(LaneMask b) { return *this = *this & b; }
   CLEAVE_INLINE LaneMask& operator|=(LaneMask b) { return *this = *this | b; }
 
