@@ -2,6 +2,7 @@
 
 #include "config/scene.hpp"
 
+#include <memory>
 #include <string>
 #include <string_view>
 #include <vector>
@@ -21,6 +22,9 @@ class PluginCatalog {
   /// Where plugins were looked for, for messages.
   virtual std::vector<std::filesystem::path> search_path() const { return {}; }
 };
+
+/// The plugins a registry found. It must outlive the catalog.
+std::unique_ptr<PluginCatalog> catalog_of(const plugins::Registry&);
 
 /// load_scene and to_toml of scene.hpp, for any catalog.
 Scene load_scene(const std::filesystem::path&, const std::vector<Override>&, const PluginCatalog&,

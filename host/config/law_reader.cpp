@@ -50,8 +50,11 @@ std::string unknown_plugin(const std::string& given, const std::string& id, Kind
   }
   std::string text = "there is no " + std::string(plugins::name(kind)) + " plugin '" + given + "'";
   if (!any_plugin(catalog)) return text + ": no plugin was found at all" + looked_in(catalog);
-  if (const auto near = nearest(law, short_names(catalog.ids(kind)))) text += ", did you mean '" + *near + "'?";
-  return text + "; " + there_are(kind, catalog);
+  if (const auto near = nearest(law, short_names(catalog.ids(kind))))
+    text += ", did you mean '" + *near + "'? Of this kind";
+  else
+    text += ";";
+  return text + " " + there_are(kind, catalog);
 }
 
 const Description* find_plugin(TableReader& table, Kind kind, std::string& id) {
@@ -197,23 +200,24 @@ void check_needs(const PluginUse& use, const Description& law, const Description
   }
 }
 
-void check_fibers(const PluginUse& use, const Description& law, const Material& material, Diagnostics& diagnostics) {
+void check_fibers(const PluginUse& use, const Description& law, const Material& material, const Remedies& remedies,
+                  Diagnostics& diagnostics) {
   const bool needs_second = law.can(CLEAVE_NEEDS_SECOND_FIBER);
   if (!material.fibers && (needs_second || law.can(CLEAVE_NEEDS_FIBER)))
-    diagnostics.error(
-        use.where, "'" + law.id + "' needs the direction of the fibers; add to the material: fibers = { direction = [1, 0, 0]" +
-                       (needs_second ? ", second = [0, 1, 0]" : "") + " }");
+    diagnostics.error(use.where, "'" + law.id + "' needs the direction of the fibers; " +
+                                     (needs_second ? remedies.both_fibers : remedies.fiber));
   else if (needs_second && !material.fibers->second)
-    diagnostics.error(use.where, "'" + law.id + "' needs the direction of a second family of fibers; add 'second' to 'fibers'");
+    diagnostics.error(use.where, "'" + law.id + "' needs the direction of a second family of fibers; " + remedies.second_fiber);
 }
 
-void check_precision(const PluginUse& use, const Description& law, Precision precision, Diagnostics& diagnostics) {
+void check_precision(const PluginUse& use, const Description& law, Precision precision, const Remedies& remedies,
+                     Diagnostics& diagnostics) {
   // Constraints and discretizations always work in double, whatever the precision of the scene.
   if (law.kind == Kind::constraint || law.kind == Kind::discretization) return;
   const bool single = precision == Precision::single_precision;
   if (law.can(single ? CLEAVE_SINGLE : CLEAVE_DOUBLE)) return;
-  diagnostics.error(use.where, "'" + law.id + "' does not offer " + (single ? "single" : "double") +
-                                   " precision; set simulation.precision = \"" + (single ? "double" : "single") + "\"");
+  diagnostics.error(use.where, "'" + law.id + "' does not offer " + (single ? "single" : "double") + " precision; " +
+                                   (single ? remedies.double_precision : remedies.single_precision));
 }
 
 }  // namespace
@@ -235,7 +239,7 @@ std::optional<PluginUse> read_law(TableReader table, Kind kind) {
   return use;
 }
 
-void check_combination(const Material& material, Precision precision, ReadContext& context) {
+void check_combination(const Material& material, Precision precision, ReadContext& context, const Remedies& remedies) {
   const Description* elasticity = context.catalog.find(material.elasticity.id);
   bool fibers_read = false, all_known = elasticity != nullptr;
   const auto check = [&](const PluginUse& use) {
@@ -245,8 +249,8 @@ void check_combination(const Material& material, Precision precision, ReadContex
       return;
     }
     fibers_read = fibers_read || law->can(CLEAVE_NEEDS_FIBER) || law->can(CLEAVE_NEEDS_SECOND_FIBER);
-    check_precision(use, *law, precision, context.diagnostics);
-    check_fibers(use, *law, material, context.diagnostics);
+    check_precision(use, *law, precision, remedies, context.diagnostics);
+    check_fibers(use, *law, material, remedies, context.diagnostics);
     if (elasticity && law->kind != Kind::elasticity) check_needs(use, *law, *elasticity, context);
   };
   if (elasticity) check(material.elasticity);

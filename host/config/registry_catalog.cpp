@@ -41,6 +41,10 @@ class RegistryCatalog : public PluginCatalog {
 
 }  // namespace
 
+std::unique_ptr<PluginCatalog> catalog_of(const plugins::Registry& registry) {
+  return std::make_unique<RegistryCatalog>(registry);
+}
+
 Scene load_scene(const std::filesystem::path& file, const std::vector<Override>& overrides, const plugins::Registry& registry,
                  std::vector<std::string>* warnings) {
   return load_scene(file, overrides, RegistryCatalog(registry), warnings);

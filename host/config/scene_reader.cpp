@@ -35,11 +35,20 @@ std::string read_text(const std::filesystem::path& path) {
   return text.str();
 }
 
+/// "Error while parsing string: what" as "what (in a string)".
+std::string syntax_problem(std::string_view description) {
+  constexpr std::string_view opening = "Error while parsing ";
+  const auto colon = description.find(": ");
+  if (description.rfind(opening, 0) != 0 || colon == std::string_view::npos) return std::string(description);
+  const std::string what(description.substr(colon + 2));
+  return what + " (in a " + std::string(description.substr(opening.size(), colon - opening.size())) + ")";
+}
+
 toml::table parse(const std::string& text, const std::string& file) {
   try {
     return toml::parse(text, file);
   } catch (const toml::parse_error& problem) {
-    throw InputError(to_string(locate(problem.source())) + ": error: " + std::string(problem.description()));
+    throw InputError(to_string(locate(problem.source())) + ": error: not TOML: " + syntax_problem(problem.description()));
   }
 }
 
@@ -60,16 +69,16 @@ class Names {
 
   /// `fallback` empty: a name is required.
   std::string read(TableReader& table, const std::string& fallback = {}) {
-    if (fallback.empty() && !table.require("name", "a text")) return {};
+    if (fallback.empty() && !table.require("name", "a text")) return unusable();
     if (!table.has("name")) {
       table.rename(kind_ + " '" + fallback + "'");
       return fallback;
     }
     const auto name = table.text("name");
-    if (!name) return {};
+    if (!name) return unusable();
     if (!usable_name(*name)) {
       table.error_at("name", "'name' must be 1 to 64 letters, digits, '_' or '-', not all digits; is \"" + *name + "\"");
-      return {};
+      return unusable();
     }
     table.rename(kind_ + " '" + *name + "'");
     const auto [entry, is_new] = first_.emplace(*name, table.where("name"));
@@ -78,23 +87,24 @@ class Names {
     return *name;
   }
 
-  std::vector<std::string> all() const {
-    std::vector<std::string> names;
-    for (const auto& [name, where] : first_) names.push_back(name);
-    return names;
-  }
-
-  /// Reports a reference to a name that is not there.
+  /// Reports a reference to a name that is not there, unless that only follows from what was reported before.
   void check(TableReader& table, std::string_view key, const std::string& name) const {
-    if (first_.count(name)) return;
-    const auto names = all();
-    table.error_at(key, "there is no " + kind_ + " named '" + name + "'" +
-                            suggestion(name, names, names.empty() ? "" : "; there are: " + list_text(names)));
+    if (incomplete_ || first_.empty() || first_.count(name)) return;
+    std::vector<std::string> names;
+    for (const auto& [known, where] : first_) names.push_back(known);
+    table.error_at(
+        key, "there is no " + kind_ + " named '" + name + "'" + suggestion(name, names, "; there are: " + list_text(names)));
   }
 
  private:
+  std::string unusable() {
+    incomplete_ = true;
+    return {};
+  }
+
   std::string kind_;
   std::map<std::string, Location> first_;
+  bool incomplete_ = false;  ///< a name could not be read
 };
 
 void read_time_step(TableReader& table, Simulation& simulation) {

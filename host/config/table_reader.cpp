@@ -20,7 +20,7 @@ std::string quoted(std::string_view key) { return "'" + std::string(key) + "'"; 
 
 Location locate(const toml::source_region& region) {
   if (!region.path) return {};
-  if (region.path->rfind(override_prefix, 0) == 0) return {*region.path, 0, 0};
+  if (region.path->rfind(option_prefix, 0) == 0) return {*region.path, 0, 0};
   return {*region.path, int(region.begin.line), int(region.begin.column)};
 }
 
@@ -31,7 +31,10 @@ std::string found(const toml::node& node) {
     return "the text \"" + shown + "\"";
   }
   if (const auto* integer = node.as_integer()) return std::to_string(integer->get());
-  if (const auto* number = node.as_floating_point()) return plugins::number_text(number->get());
+  if (const auto* number = node.as_floating_point()) {
+    const std::string text = plugins::number_text(number->get());
+    return text.find_first_of(".en") == std::string::npos ? text + ".0" : text;
+  }
   if (const auto* flag = node.as_boolean()) return flag->get() ? "true" : "false";
   if (const auto* list = node.as_array()) return list->empty() ? "an empty list" : "a list of " + std::to_string(list->size());
   if (node.is_table()) return "a table";
@@ -123,10 +126,12 @@ std::optional<std::int64_t> TableReader::integer(std::string_view key, std::int6
     return std::nullopt;
   }
   if (integer->get() < minimum || integer->get() > maximum) {
-    wrong_type(*node, key,
-               maximum == std::numeric_limits<std::int64_t>::max()
-                   ? "at least " + std::to_string(minimum)
-                   : "an integer from " + std::to_string(minimum) + " to " + std::to_string(maximum));
+    std::string expected = "at least " + std::to_string(minimum);
+    if (maximum == minimum + 1)
+      expected = std::to_string(minimum) + " or " + std::to_string(maximum);
+    else if (maximum < std::numeric_limits<std::int64_t>::max())
+      expected = "an integer from " + std::to_string(minimum) + " to " + std::to_string(maximum);
+    wrong_type(*node, key, expected);
     return std::nullopt;
   }
   return integer->get();

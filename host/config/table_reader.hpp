@@ -24,10 +24,11 @@ struct ReadContext {
   int dimension = 3;
 };
 
-/// Values from the command line are located by their override: "--set simulation.cell_size".
+/// Values from the command line are located by their option: "--set simulation.cell_size".
+inline constexpr std::string_view option_prefix = "--";
 inline constexpr std::string_view override_prefix = "--set ";
 
-/// Where a node stands in the file, or the override that gave it.
+/// Where a node stands in the file, or the option that gave it.
 Location locate(const toml::source_region&);
 /// "the text "stiff"", "3.5", "a list of 2", "a table".
 std::string found(const toml::node&);
