@@ -20,34 +20,34 @@ struct Attribute {
 
 /// Particles of all bodies at one instant, sorted by id (so that the order is stable from frame to frame).
 struct ParticleFrame {
-  int index = 0;         ///< frame number, 0 is the initial state
-  double time = 0;       ///< s
+  int index = 0;    ///< frame number, 0 is the initial state
+  double time = 0;  ///< s
   int dimension = 3;
-  double cell_size = 0;  ///< m
-  std::vector<std::string> bodies;       ///< names
+  double cell_size = 0;             ///< m
+  std::vector<std::string> bodies;  ///< names
   std::vector<std::int64_t> ids;
-  std::vector<std::int32_t> body;        ///< index into bodies
-  std::vector<Vector3> positions;        ///< m
+  std::vector<std::int32_t> body;           ///< index into bodies
+  std::vector<Vector3> positions;           ///< m
   std::vector<Eigen::Vector3f> velocities;  ///< m/s
-  std::vector<float> volumes;            ///< rest volume, m^3 (2D: m^2)
-  std::vector<Attribute> attributes;     ///< J, damage, declared states, ...
+  std::vector<float> volumes;               ///< rest volume, m^3 (2D: m^2)
+  std::vector<Attribute> attributes;        ///< J, damage, declared states, ...
 };
 
 /// Row of frames.csv.
 struct FrameRecord {
   int frame = 0;
   double time = 0;
-  std::int64_t steps = 0;            ///< since the previous frame
-  double time_step = 0;              ///< last one, s
-  std::string limited_by;            ///< "elastic wave", "particle speed", "maximum", "fixed", "frame"
+  std::int64_t steps = 0;  ///< since the previous frame
+  double time_step = 0;    ///< last one, s
+  std::string limited_by;  ///< "elastic wave", "particle speed", "maximum", "fixed", "frame"
   double kinetic_energy = 0, elastic_energy = 0, gravity_energy = 0, fracture_energy = 0;  ///< J
-  Vector3 momentum = Vector3::Zero();          ///< kg m/s
-  Vector3 angular_momentum = Vector3::Zero();  ///< kg m^2/s, about the origin
-  Vector3 center_of_mass = Vector3::Zero();    ///< m
-  double mass = 0;                   ///< kg
-  double volume = 0;                 ///< current, m^3
+  Vector3 momentum = Vector3::Zero();                                                      ///< kg m/s
+  Vector3 angular_momentum = Vector3::Zero();                                              ///< kg m^2/s, about the origin
+  Vector3 center_of_mass = Vector3::Zero();                                                ///< m
+  double mass = 0;                                                                         ///< kg
+  double volume = 0;                                                                       ///< current, m^3
   double minimum_J = 1, maximum_J = 1;
-  double maximum_speed = 0;          ///< m/s
+  double maximum_speed = 0;  ///< m/s
   double maximum_damage = 0, damaged_fraction = 0;
   double wall_seconds = 0;
 };
@@ -58,14 +58,14 @@ struct PluginRecord {
 
 /// Contents of summary.json.
 struct Summary {
-  std::string status;                ///< "done", "failed", "interrupted"
+  std::string status;  ///< "done", "failed", "interrupted"
   std::string scene;
   std::int64_t particles = 0, steps = 0;
   int frames = 0;
   double simulated_seconds = 0, wall_seconds = 0;
   double particle_steps_per_second = 0;
-  std::vector<std::pair<std::string, double>> stage_seconds;   ///< "particles to grid", ...
-  std::vector<std::pair<std::string, std::int64_t>> limits;    ///< steps that each bound set
+  std::vector<std::pair<std::string, double>> stage_seconds;       ///< "particles to grid", ...
+  std::vector<std::pair<std::string, std::int64_t>> limits;        ///< steps that each bound set
   std::vector<std::pair<std::string, double>> bytes_per_particle;  ///< by part, "total" last
   std::vector<PluginRecord> plugins;
   int threads = 0;
@@ -87,7 +87,7 @@ class Writer {
   void record(const FrameRecord&);
   void summary(const Summary&);
   void text(const std::string& name, const std::string& contents);  ///< scene.toml and the like
-  std::vector<std::filesystem::path> written() const;   ///< directories and index files, for the closing message
+  std::vector<std::filesystem::path> written() const;               ///< directories and index files, for the closing message
 
  private:
   struct State;

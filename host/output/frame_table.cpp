@@ -1,0 +1,92 @@
+#include "output/frame_table.hpp"
+
+#include "output/atomic_file.hpp"
+#include "output/number.hpp"
+
+#include <fcntl.h>
+#include <sys/stat.h>
+#include <unistd.h>
+
+#include <cerrno>
+#include <utility>
+
+namespace cleave::output {
+namespace {
+
+using Row = std::vector<std::pair<const char*, std::string>>;
+
+std::string quoted(const std::string& text) {
+  if (text.find_first_of(",\"\r\n") == std::string::npos) return text;
+  std::string result = "\"";
+  for (const char c : text) {
+    if (c == '"') result += '"';
+    result += c;
+  }
+  return result + '"';
+}
+
+Row columns(const FrameRecord& record) {
+  return {{"frame", std::to_string(record.frame)},
+          {"time", number(record.time)},
+          {"steps", std::to_string(record.steps)},
+          {"time_step", number(record.time_step)},
+          {"limited_by", quoted(record.limited_by)},
+          {"kinetic_energy", number(record.kinetic_energy)},
+          {"elastic_energy", number(record.elastic_energy)},
+          {"gravity_energy", number(record.gravity_energy)},
+          {"fracture_energy", number(record.fracture_energy)},
+          {"momentum_x", number(record.momentum.x())},
+          {"momentum_y", number(record.momentum.y())},
+          {"momentum_z", number(record.momentum.z())},
+          {"angular_momentum_x", number(record.angular_momentum.x())},
+          {"angular_momentum_y", number(record.angular_momentum.y())},
+          {"angular_momentum_z", number(record.angular_momentum.z())},
+          {"center_of_mass_x", number(record.center_of_mass.x())},
+          {"center_of_mass_y", number(record.center_of_mass.y())},
+          {"center_of_mass_z", number(record.center_of_mass.z())},
+          {"mass", number(record.mass)},
+          {"volume", number(record.volume)},
+          {"minimum_J", number(record.minimum_J)},
+          {"maximum_J", number(record.maximum_J)},
+          {"maximum_speed", number(record.maximum_speed)},
+          {"maximum_damage", number(record.maximum_damage)},
+          {"damaged_fraction", number(record.damaged_fraction)},
+          {"wall_seconds", number(record.wall_seconds)}};
+}
+
+}  // namespace
+
+FrameTable::FrameTable(std::filesystem::path path) : path_(std::move(path)) {
+  AtomicFile file(path_);
+  const char* separator = "";
+  for (const auto& [name, value] : columns({})) file.stream() << std::exchange(separator, ",") << name;
+  file.stream() << '\n';
+  file.commit();
+  descriptor_ = ::open(path_.c_str(), O_WRONLY | O_APPEND | O_CLOEXEC);
+  if (descriptor_ < 0) throw_file_error("write", path_, errno);
+}
+
+FrameTable::~FrameTable() {
+  if (descriptor_ >= 0) ::close(descriptor_);
+}
+
+void FrameTable::append(const FrameRecord& record) {
+  std::string line;
+  for (const auto& [name, value] : columns(record)) line += (line.empty() ? "" : ",") + value;
+  line += '\n';
+  struct stat before {};
+  if (::fstat(descriptor_, &before) != 0) throw_file_error("write", path_, errno);
+  for (std::size_t written = 0; written < line.size();) {
+    const ssize_t count = ::write(descriptor_, line.data() + written, line.size() - written);
+    if (count < 0 && errno == EINTR) continue;
+    if (count <= 0) {
+      const int reason = count < 0 ? errno : ENOSPC;
+      const int taken_back = ::ftruncate(descriptor_, before.st_size);
+      static_cast<void>(taken_back);
+      throw_file_error("write", path_, reason);
+    }
+    written += static_cast<std::size_t>(count);
+  }
+}
+
+}  // namespace cleave::output

@@ -1,0 +1,24 @@
+#pragma once
+
+#include "output/frame.hpp"
+
+#include <filesystem>
+
+namespace cleave::output {
+
+/// frames.csv: a header, then one row per frame, each on the disk as soon as it is appended. A row that does not fit is taken
+/// back whole, so that the table always parses.
+class FrameTable {
+ public:
+  explicit FrameTable(std::filesystem::path);  ///< replaces an older table by an empty one
+  ~FrameTable();
+  FrameTable(const FrameTable&) = delete;
+  FrameTable& operator=(const FrameTable&) = delete;
+  void append(const FrameRecord&);
+
+ private:
+  std::filesystem::path path_;
+  int descriptor_ = -1;
+};
+
+}  // namespace cleave::output
