@@ -1,0 +1,63 @@
+#include <cleave/elasticity.hpp>
+
+namespace {
+using namespace cleave;
+
+/// Neo-Hookean solid with independent shear and volume terms; tension is degraded by damage, compression is not.
+///
+///   psi_mu = mu/2 (J^(-2/3) tr b - 3)          psi_kappa = kappa/2 ((J^2 - 1)/2 - ln J)
+///   psi_plus = psi_mu + [J >= 1] psi_kappa     psi_minus = [J < 1] psi_kappa
+///   tau = g mu J^(-2/3) dev(b) + (J >= 1 ? g : 1) kappa/2 (J^2 - 1) I         [Wolper et al. 2019, eq. 8-10]
+struct SplitNeoHookean {
+  static constexpr About about{.id = "elasticity/split-neo-hookean",
+                               .version = "1.0.0",
+                               .author = "Cleave",
+                               .summary = "Neo-Hookean solid, shear and volume split",
+                               .source = "Wolper et al. 2019, CD-MPM, section 5"};
+  static constexpr Accepts accepts = Accepts::left_cauchy_green;
+
+  IsotropicModuli moduli;
+  static constexpr auto parameters = describe(&SplitNeoHookean::moduli);
+
+  template <class T>
+  EnergySplit<T> energy(const Symmetric3<T>& b) const {
+    const T J2 = determinant(b);
+    const T shear = 0.5 * moduli.shear * (rcbrt(J2) * trace(b) - 3);
+    const T volume = 0.25 * moduli.bulk * (J2 - 1 - log(J2));
+    return {.tension = shear + select(J2 >= 1, volume, T(0)), .compression = select(J2 >= 1, T(0), volume)};
+  }
+
+  template <class T>
+  Symmetric3<T> kirchhoff(const Symmetric3<T>& b, const T& g) const {
+    const T J2 = determinant(b);
+    const T tension = 0.5 * moduli.bulk * (J2 - 1);
+    return g * (moduli.shear * rcbrt(J2)) * deviator(b) + select(J2 >= 1, g * tension, tension) * identity<T>();
+  }
+
+  /// With a wave along n, b n = beta n + gamma n', mu' = mu J^(-2/3) and c = 5/9 mu' tr b + kappa/2 (J^2 + 1), the fastest
+  /// motion has
+  ///
+  ///   rho_0 c^2 = mu' beta + (C + sqrt(C^2 + (4/3 mu' gamma)^2))/2,     C = c - 4/3 mu' beta,
+  ///
+  /// convex in beta and growing with gamma, so that the ends of what beta and gamma can be bound it:
+  /// |beta - tr b/3| <= sqrt(2/3) |dev b| and gamma <= |dev b|/sqrt 2. Exact for a pure change of volume.
+  template <class T>
+  T wave_modulus(const Symmetric3<T>& b) const {
+    const T J2 = determinant(b), shear = moduli.shear * rcbrt(J2), mean = trace(b) / 3, shape = norm(deviator(b));
+    const T c = 5. / 3 * shear * mean + 0.5 * moduli.bulk * (J2 + 1);
+    const auto along = [&](const T& beta) {
+      const T C = c - 4. / 3 * shear * beta, coupling = 0.94280904158206336 * shear * shape;
+      return shear * beta + 0.5 * (C + sqrt(C * C + coupling * coupling));
+    };
+    const T spread = 0.81649658092772603 * shape;
+    return max(along(mean + spread), along(max(mean - spread, T(0))));
+  }
+
+  IsochoricResponse isochoric_response() const {
+    return {.deviatoric_modulus = moduli.shear, .bulk_modulus = moduli.bulk, .pressure_law = PressureLaw::quadratic};
+  }
+};
+
+}  // namespace
+
+CLEAVE_PLUGIN(SplitNeoHookean)
