@@ -6,6 +6,7 @@
 
 #include <dlfcn.h>
 
+#include <charconv>
 #include <cmath>
 #include <cstdio>
 #include <filesystem>
@@ -39,13 +40,12 @@ std::string quoted(const char* text) {
   return result + '"';
 }
 
-/// A TOML float that reads back as the same double.
+/// The shortest TOML float that reads back as the same double.
 std::string number(double value) {
   if (std::isnan(value)) return "nan";
   if (std::isinf(value)) return value > 0 ? "inf" : "-inf";
   char text[40];
-  std::snprintf(text, sizeof text, "%.17g", value);
-  std::string result = text;
+  std::string result(text, std::to_chars(text, text + sizeof text, value).ptr);
   if (result.find_first_of(".e") == std::string::npos) result += ".0";
   return result;
 }

@@ -26,6 +26,7 @@
 #include <cleave/elasticity.h>
 #include <cleave/detail/acoustic.hpp>
 #include <cleave/detail/batch.hpp>
+#include <cleave/detail/law.hpp>
 #include <cleave/dual.hpp>
 #include <cleave/isochoric_response.hpp>
 #include <cleave/math.hpp>
@@ -42,39 +43,7 @@ struct EnergySplit {
   T fiber = T(0);
 };
 
-/// Unit directions in the reference frame, orthogonal to each other.
-template <class T>
-struct Fibers {
-  Vector3<T> first, second;
-};
-
 namespace detail {
-
-template <class Law>
-inline constexpr bool is_law_of_b = Law::accepts == Accepts::left_cauchy_green;
-template <class Law, class T>
-using StrainOf = std::conditional_t<is_law_of_b<Law>, Symmetric3<T>, Matrix3<T>>;
-template <class Law>
-inline constexpr int fiber_count = [] {
-  if constexpr (requires { Law::fibers; })
-    return int(Law::fibers);
-  else
-    return 0;
-}();
-template <class Law>
-inline constexpr bool is_inversion_safe = [] {
-  if constexpr (requires { Law::inversion_safe; })
-    return bool(Law::inversion_safe);
-  else
-    return false;
-}();
-template <class Law>
-inline constexpr bool is_isotropic = [] {
-  if constexpr (requires { Law::isotropic; })
-    return bool(Law::isotropic);
-  else
-    return is_law_of_b<Law>;
-}();
 
 /// The formulas of a law, given and derived, with one signature each: fibers are passed always and dropped where not wanted.
 template <class Law>
@@ -161,24 +130,23 @@ struct Elastic {
       return degraded_energy_derivative(law, F, g, a);
     } else {
       const Matrix3<T> cofactor_F = cofactor(F);
-      return Matrix3<T>(kirchhoff(law, strain_of(F), g, a)) * cofactor_F / determinant(F);
+      return Matrix3<T>(kirchhoff(law, strain_of<Law>(F), g, a)) * cofactor_F / determinant(F);
     }
   }
 
-  template <class T>
-  static CLEAVE_INLINE Strain<T> strain_of(const Matrix3<T>& F) {
-    if constexpr (is_law_of_b<Law>)
-      return left_cauchy_green(F);
-    else
-      return F;
-  }
-  /// |J|, with its sign where F tells it.
+  /// J. Laws that go through inversion get a Cauchy stress that stays finite and keeps its direction: |J|, at least 1e-3.
   template <class T>
   static CLEAVE_INLINE T jacobian(const Strain<T>& e) {
-    if constexpr (is_law_of_b<Law>)
-      return sqrt(determinant(e));
+    const T J = [&] {
+      if constexpr (is_law_of_b<Law>)
+        return sqrt(determinant(e));
+      else
+        return determinant(e);
+    }();
+    if constexpr (is_inversion_safe<Law>)
+      return max(abs(J), T(1e-3));
     else
-      return determinant(e);
+      return J;
   }
 
   /// dP along dF.
@@ -306,26 +274,16 @@ struct ElasticBatch {
     LaneMask<S> valid;
   };
 
-  /// Without a fiber field the material has fibers along x (and y).
-  CLEAVE_INLINE Fibers<T> load_fibers(const Chunk<S>& chunk) const {
-    Fibers<T> fibers;
-    if constexpr (fiber_count < Law >> 0) {
-      fibers.first = first_fiber ? chunk.load_vector(first_fiber) : Vector3<T>(T(1), T(0), T(0));
-      fibers.second = second_fiber ? chunk.load_vector(second_fiber) : Vector3<T>(T(0), T(1), T(0));
-    }
-    return fibers;
-  }
-
   template <bool from_b>
   CLEAVE_INLINE Point load(const Chunk<S>& chunk) const {
     Point point;
-    point.fibers = load_fibers(chunk);
+    point.fibers = load_fibers<Law>(chunk, first_fiber, second_fiber);
     if constexpr (from_b) {
       point.strain = chunk.load_symmetric(b);
       point.valid = Formulas::template valid<T>(law, point.strain, point.fibers);
     } else {
       const Matrix3<T> deformation = chunk.load_matrix(F);
-      point.strain = Formulas::template strain_of<T>(deformation);
+      point.strain = strain_of<Law>(deformation);
       point.valid = Formulas::template valid<T>(law, point.strain, point.fibers);
       if constexpr (is_law_of_b<Law> && !is_inversion_safe<Law>) point.valid = point.valid & (determinant(deformation) > T(0));
     }
@@ -431,13 +389,10 @@ struct KindOf<Kind::elasticity, Law> {
   };
   static void prepare(Instance&, const cleave_context*) {}
 
-  static constexpr std::uint64_t capabilities =
-      (is_law_of_b<Law> ? CLEAVE_ACCEPTS_B | CLEAVE_ACCEPTS_F : CLEAVE_ACCEPTS_F) | (is_isotropic<Law> ? CLEAVE_ISOTROPIC : 0) |
-      (is_inversion_safe<Law> ? CLEAVE_INVERSION_SAFE : 0) | (fiber_count<Law> > 0 ? CLEAVE_NEEDS_FIBER : 0) |
-      (fiber_count<Law> > 1 ? CLEAVE_NEEDS_SECOND_FIBER : 0) | (Formulas::has_energy ? CLEAVE_HAS_ENERGY : 0) |
-      (Formulas::offers_effective_cauchy ? CLEAVE_HAS_EFFECTIVE_STRESS : 0) |
-      (Formulas::has_isochoric_response ? CLEAVE_HAS_ISOCHORIC_RESPONSE : 0) | CLEAVE_HAS_TANGENT | CLEAVE_HAS_WAVE_MODULUS |
-      CLEAVE_SINGLE | CLEAVE_DOUBLE;
+  static constexpr std::uint64_t capabilities = common_capabilities<Law> | (Formulas::has_energy ? CLEAVE_HAS_ENERGY : 0) |
+                                                (Formulas::offers_effective_cauchy ? CLEAVE_HAS_EFFECTIVE_STRESS : 0) |
+                                                (Formulas::has_isochoric_response ? CLEAVE_HAS_ISOCHORIC_RESPONSE : 0) |
+                                                CLEAVE_HAS_TANGENT | CLEAVE_HAS_WAVE_MODULUS;
 
   template <class S>
   static cleave_result evaluate(const cleave_instance* instance, const cleave_batch* batch) noexcept {

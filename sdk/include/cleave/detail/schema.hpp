@@ -208,12 +208,12 @@ class Values {
 
   /// "exact" of the choices {"exact", "trace"} is 0.
   static int choice_index(const cleave_parameter_schema& schema, const cleave_parameter& given) {
-    std::string all;
+    std::string all = "must be one of ";
     for (std::uint32_t i = 0; i < schema.choice_count; ++i) {
       if (given.text && std::strcmp(given.text, schema.choices[i]) == 0) return int(i);
-      all += (i ? ", \"" : "\"") + std::string(schema.choices[i]) + "\"";
+      all.append(i ? ", \"" : "\"").append(schema.choices[i]).append("\"");
     }
-    throw ParameterError{schema.key, "must be one of " + all + ", is \"" + (given.text ? given.text : "") + "\""};
+    throw ParameterError{schema.key, all.append(", is \"").append(given.text ? given.text : "").append("\"")};
   }
 
  private:
@@ -245,14 +245,15 @@ class Values {
     const bool below = schema.minimum_open ? !(value > schema.minimum) : !(value >= schema.minimum);
     const bool above = schema.maximum_open ? !(value < schema.maximum) : !(value <= schema.maximum);
     if (std::isfinite(value) && !below && !above) return;
-    const std::string unit = std::strcmp(schema.unit, "1") == 0 ? "" : std::string(" ") + schema.unit;
+    std::string unit;
+    if (std::strcmp(schema.unit, "1") != 0) unit.append(" ").append(schema.unit);
     std::string problem = "must be ";
     if (!std::isfinite(value))
       problem += "finite";
     else if (below)
-      problem += (schema.minimum_open ? "greater than " : "at least ") + text(schema.minimum) + unit;
+      problem.append(schema.minimum_open ? "greater than " : "at least ").append(text(schema.minimum)).append(unit);
     else
-      problem += (schema.maximum_open ? "less than " : "at most ") + text(schema.maximum) + unit;
+      problem.append(schema.maximum_open ? "less than " : "at most ").append(text(schema.maximum)).append(unit);
     throw ParameterError{schema.key, problem + ", is " + text(value)};
   }
 
@@ -289,7 +290,7 @@ class Values {
     for (const auto& parameter : schema_.parameters()) {
       const cleave_parameter* value = find(parameter.key);
       if (!value || !value->given || !in_any_set(alternatives, parameter.key)) continue;
-      given_keys += (given_count++ ? " " : "") + std::string(parameter.key);
+      given_keys.append(given_count++ ? " " : "").append(parameter.key);
     }
     if (given_count == 0 && alternatives.optional) return;
     std::string_view nearest;
@@ -302,7 +303,7 @@ class Values {
       if (matching == given_count && nearest.empty()) nearest = set;
       std::string words(set);
       for (std::size_t at = 0; (at = words.find(' ', at)) != std::string::npos; at += 5) words.replace(at, 1, " and ");
-      wanted += (i ? ", or " : "") + words;
+      wanted.append(i ? ", or " : "").append(words);
     }
     std::string subject;
     if (nearest.empty()) {

@@ -1,0 +1,160 @@
+/// Discretisations: a class with `about`, `parameters` where it has any, and
+///
+///   void add_body(const cleave_body& body);                          bodies are numbered from 0 in call order
+///   double stable_step() const;                                      s
+///   void step(double time_step, const World& world);
+///   std::vector<PointField> fields(std::uint64_t body) const;        "position" and "velocity" are among them
+///   std::vector<std::byte> save() const;                             the complete state
+///   void restore(std::span<const std::byte> state);
+///   std::optional<SurfaceMesh> surface(std::uint64_t body) const;    may be left out
+///
+/// Arrays behind spans belong to the class and stay valid until the next step. Shapes are described in
+/// <cleave/discretization.h>. An exception ends the run with its text.
+#ifndef CLEAVE_DISCRETIZATION_HPP
+#define CLEAVE_DISCRETIZATION_HPP
+
+#include <cleave/discretization.h>
+#include <cleave/plugin.hpp>
+
+#include <cstddef>
+#include <span>
+
+namespace cleave {
+
+/// What surrounds the bodies during a step.
+class World {
+ public:
+  explicit World(const cleave_surroundings& surroundings) : surroundings_(surroundings) {}
+
+  /// m/s^2
+  std::array<double, 3> gravity() const {
+    return {surroundings_.gravity[0], surroundings_.gravity[1], surroundings_.gravity[2]};
+  }
+  /// Replaces velocities (3 per point) by what the colliders of the scene allow. May be called by several threads.
+  void collide(std::span<const double> position, std::span<double> velocity) const {
+    surroundings_.collide(surroundings_.user, position.size() / 3, position.data(), velocity.data());
+  }
+  /// Position and velocity of a point that a handle moves; empty for a free point. May be called by several threads.
+  struct Motion {
+    std::array<double, 3> position, velocity;
+  };
+  std::optional<Motion> handle(std::uint64_t body, std::uint64_t point) const {
+    Motion motion;
+    if (!surroundings_.handle(surroundings_.user, body, point, motion.position.data(), motion.velocity.data())) return {};
+    return motion;
+  }
+
+ private:
+  const cleave_surroundings& surroundings_;
+};
+
+/// Values per point; name and unit are literals or otherwise outlive the field.
+struct PointField {
+  const char* name;
+  const char* unit;
+  std::uint32_t components;  ///< 1, 3 or 9
+  std::span<const double> values;
+};
+
+struct SurfaceMesh {
+  std::span<const double> vertices;          ///< m, 3 per vertex
+  std::span<const std::uint32_t> triangles;  ///< 3 per triangle
+};
+
+namespace detail {
+
+template <class Method>
+struct KindOf<Kind::discretization, Method> {
+  struct Instance {
+    Method law;
+  };
+  static void prepare(Instance&, const cleave_context*) {}
+  static constexpr std::uint64_t capabilities = CLEAVE_DOUBLE;
+
+  static Method& method(cleave_instance* instance) { return reinterpret_cast<Instance*>(instance)->law; }
+  static const Method& method(const cleave_instance* instance) { return reinterpret_cast<const Instance*>(instance)->law; }
+
+  static cleave_result add_body(cleave_instance* instance, const cleave_body* body, cleave_message* message) noexcept {
+    return guarded(message, [&]() -> cleave_result {
+      method(instance).add_body(*body);
+      return CLEAVE_OK;
+    });
+  }
+  /// Not a number if it cannot be told.
+  static double stable_step(const cleave_instance* instance) noexcept {
+    double step = std::numeric_limits<double>::quiet_NaN();
+    guarded(nullptr, [&]() -> cleave_result {
+      step = method(instance).stable_step();
+      return CLEAVE_OK;
+    });
+    return step;
+  }
+  static cleave_result step(cleave_instance* instance, double time_step, const cleave_surroundings* surroundings,
+                            cleave_message* message) noexcept {
+    return guarded(message, [&]() -> cleave_result {
+      method(instance).step(time_step, World(*surroundings));
+      return CLEAVE_OK;
+    });
+  }
+  static std::uint32_t point_field(const cleave_instance* instance, std::uint64_t body, std::uint32_t index,
+                                   cleave_point_field* field) noexcept {
+    std::uint32_t count = 0;
+    guarded(nullptr, [&]() -> cleave_result {
+      const std::vector<PointField> fields = method(instance).fields(body);
+      count = std::uint32_t(fields.size());
+      if (index < count && field && CLEAVE_HAS(cleave_point_field, field, values)) {
+        field->components = fields[index].components;
+        field->name = fields[index].name;
+        field->unit = fields[index].unit;
+        field->values = fields[index].values.data();
+      }
+      return CLEAVE_OK;
+    });
+    return count;
+  }
+  static cleave_result surface(cleave_instance* instance, std::uint64_t body, cleave_surface* surface) noexcept {
+    return guarded(nullptr, [&]() -> cleave_result {
+      if constexpr (requires(const Method& m) { m.surface(body); }) {
+        const std::optional<SurfaceMesh> mesh = std::as_const(method(instance)).surface(body);
+        if (!mesh || !CLEAVE_HAS(cleave_surface, surface, triangles)) return CLEAVE_ERROR_UNSUPPORTED;
+        surface->vertex_count = mesh->vertices.size() / 3;
+        surface->vertices = mesh->vertices.data();
+        surface->triangle_count = mesh->triangles.size() / 3;
+        surface->triangles = mesh->triangles.data();
+        return CLEAVE_OK;
+      } else {
+        return CLEAVE_ERROR_UNSUPPORTED;
+      }
+    });
+  }
+  static std::uint64_t save(const cleave_instance* instance, void* buffer, std::uint64_t size) noexcept {
+    std::uint64_t written = 0;
+    guarded(nullptr, [&]() -> cleave_result {
+      const std::vector<std::byte> state = method(instance).save();
+      written = buffer ? std::min<std::uint64_t>(size, state.size()) : state.size();
+      if (buffer && written > 0) std::memcpy(buffer, state.data(), written);
+      return CLEAVE_OK;
+    });
+    return written;
+  }
+  static cleave_result restore(cleave_instance* instance, const void* buffer, std::uint64_t size,
+                               cleave_message* message) noexcept {
+    return guarded(message, [&]() -> cleave_result {
+      method(instance).restore(std::span(static_cast<const std::byte*>(buffer), size));
+      return CLEAVE_OK;
+    });
+  }
+
+  static const char* id() { return CLEAVE_KIND_DISCRETIZATION; }
+  static const void* table() {
+    static constexpr cleave_discretization table{
+        sizeof(cleave_discretization), 0, &add_body, &stable_step, &step, &point_field, &surface, &save, &restore};
+    return &table;
+  }
+  static const void* extension(const char*) { return nullptr; }
+};
+
+}  // namespace detail
+}  // namespace cleave
+
+#endif
