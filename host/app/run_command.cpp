@@ -119,7 +119,7 @@ int run_command(const RunOptions& options, plugins::Registry& registry) {
   summary.bytes_per_particle = simulation->bytes_per_particle();
 
   output::Progress progress(end_time, simulation->particles(),
-                            options.quiet ? output::Progress::Mode::quiet : output::Progress::detect());
+                            options.quiet ? output::Progress::Mode::quiet : output::Progress::mode_for(2));
   InterruptGuard guard;
   double stepping = 0, writing = 0;
   int frames_written = 0;

@@ -95,6 +95,7 @@ class MpmSimulation final : public Simulation {
   const char* isa() const override { return load_kernels().isa; }
 
   output::ParticleFrame frame(int index) const override;
+  std::vector<ParticleState> state() const override;
   output::FrameRecord measure() override;
 
   std::vector<std::pair<std::string, double>> stage_seconds() const override {
@@ -574,6 +575,30 @@ output::ParticleFrame MpmSimulation<T, D>::frame(int index) const {
     }
   }
   return f;
+}
+
+template <class T, int D>
+std::vector<ParticleState> MpmSimulation<T, D>::state() const {
+  std::vector<ParticleState> all(static_cast<std::size_t>(particle_count_));
+  for (const auto& set : sets_) {
+    const Set& s = *set;
+    const TileLayout& l = s.layout();
+    s.for_each([&](const auto& block, std::uint64_t slot) {
+      ParticleState& p = all[s.id(slot)];
+      p.id = s.id(slot);
+      p.body = std::int32_t(std::upper_bound(first_id_.begin(), first_id_.end(), s.id(slot)) - first_id_.begin()) - 1;
+      p.position = s.position(block, slot) * cell_size_;
+      for (int a = 0; a < D; a++) {
+        p.velocity[a] = double(s.value(l.velocity, a, slot));
+        for (int j = 0; j < D; j++) p.velocity_gradient(a, j) = double(s.value(l.affine, a * D + j, slot));
+      }
+      p.volume = double(s.value(l.volume, slot)) * std::pow(cell_size_, D);
+      p.stores_b = l.stores_b;
+      p.strain = s.deformation_or_b(slot);
+      for (int c = 0; c < l.state_components; c++) p.state.push_back(double(s.value(l.state, c, slot)));
+    });
+  }
+  return all;
 }
 
 template <class T, int D>

@@ -12,6 +12,19 @@
 
 namespace cleave::mpm {
 
+/// Everything that is stored of one particle, in full precision.
+struct ParticleState {
+  std::int64_t id = 0;
+  std::int32_t body = 0;
+  Vector3 position = Vector3::Zero();  ///< m
+  Vector3 velocity = Vector3::Zero();  ///< m/s
+  Matrix3 velocity_gradient = Matrix3::Zero();  ///< the affine field C of APIC, 1/s
+  double volume = 0;                            ///< at rest, m^3 (2D: m^2)
+  bool stores_b = false;
+  Matrix3 strain = Matrix3::Identity();  ///< elastic b or F, as stored
+  std::vector<double> state;             ///< components of the state variables
+};
+
 /// A scene in motion.
 class Simulation {
  public:
@@ -30,6 +43,8 @@ class Simulation {
 
   /// All particles by id, with the attributes the scene asks for.
   virtual output::ParticleFrame frame(int index) const = 0;
+  /// All particles by id.
+  virtual std::vector<ParticleState> state() const = 0;
   /// Energies, momenta and bounds of the present state; step counts are since the last call.
   virtual output::FrameRecord measure() = 0;
 
