@@ -3,8 +3,6 @@
 #include "config/angles.hpp"
 #include "plugins/parameters.hpp"
 
-#include <algorithm>
-
 namespace cleave::config {
 namespace {
 
@@ -231,7 +229,6 @@ std::optional<Vector3> read_rotation(TableReader& table, std::string_view key, c
 
 scene::RigidMotion read_motion(TableReader table) {
   scene::RigidMotion motion;
-  const bool has_center = table.has("center");
   if (const auto center = table.vector("center", point_form())) motion.center = *center;
   if (table.has("keyframes")) {
     read_keyframes(table, motion);
@@ -246,9 +243,6 @@ scene::RigidMotion read_motion(TableReader table) {
                                   plugins::number_text(motion.end));
     }
   }
-  const bool turns = !motion.angular_velocity.isZero(0) || std::any_of(motion.keyframes.begin(), motion.keyframes.end(),
-                                                                       [](const auto& k) { return !k.rotation.isZero(0); });
-  if (turns && !has_center) table.error(table.where(), "a motion that turns needs 'center', the point it turns about (m)");
   table.finish();
   return motion;
 }

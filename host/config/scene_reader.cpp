@@ -55,11 +55,11 @@ toml::table parse(const std::string& text, const std::string& file) {
 /// Names stand in messages, output files and overrides: plain, and not to be taken for an index.
 bool usable_name(const std::string& name) {
   const auto plain = [](char c) {
-    return (c >= 'a' && c <= 'z') || (c >= 'A' && c <= 'Z') || (c >= '0' && c <= '9') || c == '_' || c == '-';
+    return (c >= 'a' && c <= 'z') || (c >= 'A' && c <= 'Z') || (c >= '0' && c <= '9') || c == '_' || c == '-' || c == ' ';
   };
   const auto digit = [](char c) { return c >= '0' && c <= '9'; };
-  return !name.empty() && name.size() <= 64 && std::all_of(name.begin(), name.end(), plain) &&
-         !std::all_of(name.begin(), name.end(), digit);
+  return !name.empty() && name.size() <= 64 && name.front() != ' ' && name.back() != ' ' &&
+         std::all_of(name.begin(), name.end(), plain) && !std::all_of(name.begin(), name.end(), digit);
 }
 
 /// Reads `name` of one kind of thing and sees to it that no two share one.
@@ -77,7 +77,8 @@ class Names {
     const auto name = table.text("name");
     if (!name) return unusable();
     if (!usable_name(*name)) {
-      table.error_at("name", "'name' must be 1 to 64 letters, digits, '_' or '-', not all digits; is \"" + *name + "\"");
+      table.error_at("name",
+                     "'name' must be 1 to 64 letters, digits, '_', '-' or inner spaces, not all digits; is \"" + *name + "\"");
       return unusable();
     }
     table.rename(kind_ + " '" + *name + "'");
@@ -315,20 +316,26 @@ std::optional<std::vector<std::string>> read_words(TableReader& table, std::stri
   return words;
 }
 
-/// Quantities a frame can hold beyond ids and velocities.
+/// Quantities a frame can hold beyond ids and velocities. Particles carry b where every law of their strain works on it, else
+/// F.
 std::vector<std::string> output_attributes(const Scene& scene, const PluginCatalog& catalog) {
-  std::vector<std::string> names = {"F", "J"};
+  std::vector<std::string> names = {"J", "C"};
   const auto add = [&](const std::string& name) {
     if (std::find(names.begin(), names.end(), name) == names.end()) names.push_back(name);
   };
   for (const Material& material : scene.materials) {
     if (material.damage) add("damage");
-    for (const auto* use : {&material.plasticity, &material.damage, &material.constraint})
-      if (*use)
-        if (const auto* law = catalog.find((*use)->id))
-          for (const plugins::State& state : law->states) add(state.name);
-    if (const auto* law = catalog.find(material.elasticity.id))
+    bool stores_b = true;
+    for (const auto* use :
+         {&material.elasticity, material.plasticity ? &*material.plasticity : nullptr,
+          material.damage ? &*material.damage : nullptr, material.constraint ? &*material.constraint : nullptr}) {
+      const auto* law = use ? catalog.find(use->id) : nullptr;
+      if (!law) continue;
       for (const plugins::State& state : law->states) add(state.name);
+      const bool moves_strain = law->kind == plugins::Kind::elasticity || law->kind == plugins::Kind::plasticity;
+      if (moves_strain && !law->can(CLEAVE_ACCEPTS_B)) stores_b = false;
+    }
+    add(stores_b ? "b" : "F");
   }
   return names;
 }

@@ -10,15 +10,15 @@ namespace cleave::config::testing {
 class FakeCatalog : public PluginCatalog {
  public:
   FakeCatalog() {
-    add(elastic("neo-hookean", CLEAVE_SINGLE | CLEAVE_DOUBLE | CLEAVE_HAS_ENERGY | CLEAVE_HAS_EFFECTIVE_STRESS |
-                                   CLEAVE_HAS_ISOCHORIC_RESPONSE));
+    add(elastic("neo-hookean", CLEAVE_ACCEPTS_B | CLEAVE_SINGLE | CLEAVE_DOUBLE | CLEAVE_HAS_ENERGY |
+                                   CLEAVE_HAS_EFFECTIVE_STRESS | CLEAVE_HAS_ISOCHORIC_RESPONSE));
     add(elastic("stress-only", CLEAVE_SINGLE | CLEAVE_DOUBLE));
     add(elastic("double-only", CLEAVE_DOUBLE));
     add(elastic("fibrous", CLEAVE_SINGLE | CLEAVE_DOUBLE | CLEAVE_NEEDS_FIBER));
     add(elastic("woven", CLEAVE_SINGLE | CLEAVE_DOUBLE | CLEAVE_NEEDS_FIBER | CLEAVE_NEEDS_SECOND_FIBER));
 
-    plugins::Description yield =
-        law(plugins::Kind::plasticity, "yield", CLEAVE_SINGLE | CLEAVE_DOUBLE | CLEAVE_NEEDS_ISOCHORIC_RESPONSE);
+    plugins::Description yield = law(plugins::Kind::plasticity, "yield",
+                                     CLEAVE_ACCEPTS_B | CLEAVE_SINGLE | CLEAVE_DOUBLE | CLEAVE_NEEDS_ISOCHORIC_RESPONSE);
     yield.parameters = {number("yield_stress", "Pa", 0, true), number("hardening", "Pa", 0, false)};
     yield.parameters[0].required = true;
     yield.parameters[1].default_value = 0.0;
