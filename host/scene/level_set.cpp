@@ -38,8 +38,8 @@ class LevelSet final : public SignedDistance {
     background_ = grid_->background();
     const openvdb::CoordBBox active = grid_->evalActiveVoxelBoundingBox();
     for (int i = 0; i < 3; ++i) {
-      least_index_[i] = active.min()[i];
-      greatest_index_[i] = active.max()[i];
+      least_index_[i] = active.min()[i] - 1;
+      greatest_index_[i] = active.max()[i] + 1;
     }
   }
 
@@ -152,7 +152,15 @@ void check_size(const TriangleMesh& mesh, const Box& box, double voxel_size, con
                   name, box.sizes().maxCoeff(), voxel_size, voxels / 1e6));
 }
 
-bool encloses_anything(const FloatGrid& grid) { return !surface_box(grid).isEmpty(); }
+/// Rounding alone can put a voxel on a sheet of no thickness inside; those do not count.
+bool encloses_anything(const FloatGrid& grid, double voxel_size) {
+  for (auto leaf = grid.tree().cbeginLeaf(); leaf; ++leaf) {
+    for (auto voxel = leaf->cbeginValueOn(); voxel; ++voxel) {
+      if (*voxel < -1e-3 * voxel_size) return true;
+    }
+  }
+  return false;
+}
 
 std::string describe_grids(const openvdb::GridPtrVec& grids) {
   if (grids.empty()) return "it has no grids";
@@ -183,7 +191,7 @@ std::unique_ptr<SignedDistance> level_set_of_mesh(const TriangleMesh& mesh, doub
   }
   FloatGrid::Ptr grid = to_volume(surfaces.solids, voxel_size);
   if (!surfaces.cavities.triangles.empty()) openvdb::tools::csgDifference(*grid, *to_volume(surfaces.cavities, voxel_size));
-  if (!encloses_anything(*grid)) {
+  if (!encloses_anything(*grid, voxel_size)) {
     throw InputError(
         fmt::format("{}: the mesh encloses no volume that voxels of {:.4g} m resolve (it is {:.4g} m long); use "
                     "smaller cells or give it its size in metres",

@@ -37,7 +37,7 @@ struct ShapeSpec {
   double height = 0;                 ///< cylinder, capsule (between the centres of its caps), tube
 
   std::filesystem::path file;  ///< mesh (.obj, .ply, .stl) or level_set (.vdb), absolute
-  std::string grid;            ///< level_set: name of the grid, empty for the first level set
+  std::string grid;            ///< level_set: name of the grid, empty for the first level set by name
   double file_size = 0;        ///< mesh, level_set: scaled uniformly so that its longest edge is this; 0: as it is
   bool centered = false;       ///< mesh, level_set: moved so that its bounding box is centred at `center`
 
