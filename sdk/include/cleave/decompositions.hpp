@@ -79,22 +79,20 @@ CLEAVE_INLINE Vector3<T> unit_normal(const Vector3<T>& n) {
   return {n[0] * n[1] * a, sign + n[1] * n[1] * a, -n[1]};
 }
 
-/// Tangent, cosine and sine of the rotation by at most 45 degrees that makes the symmetric 2x2 matrix with off-diagonal
-/// element `coupling` and `difference` of its second and first diagonal element diagonal. Nothing where `done`.
+/// The rotation by at most 45 degrees that makes a symmetric 2x2 matrix diagonal, given the difference of its second and first
+/// diagonal element and twice its off-diagonal element.
 template <class T>
 struct PlaneRotation {
   T tangent, cosine, sine;
 };
 template <class T>
-CLEAVE_INLINE PlaneRotation<T> diagonalizing_rotation(const T& difference, const T& coupling, const mask_of<T>& done) {
-  const T twice = coupling + coupling;
-  const T denominator = abs(difference) + sqrt(difference * difference + twice * twice);
-  const T quotient = copysign(T(1), difference) * twice / denominator;
+CLEAVE_INLINE PlaneRotation<T> diagonalizing_rotation(const T& difference, const T& twice_coupling, const mask_of<T>& done) {
+  const T denominator = abs(difference) + sqrt(difference * difference + twice_coupling * twice_coupling);
+  const T quotient = copysign(T(1), difference) * twice_coupling / denominator;
   const T tangent = select(done || denominator == T(0), T(0), quotient);
-  const T cosine = rsqrt(tangent * tangent + T(1));
+  const T cosine = select(done, T(1), rsqrt(tangent * tangent + T(1)));
   return {tangent, cosine, cosine * tangent};
 }
-
 /// (a, b) <- (c a - s b, s a + c b)
 template <class T>
 CLEAVE_INLINE void rotate(const PlaneRotation<T>& g, T& a, T& b) {
@@ -114,7 +112,7 @@ template <class T>
 CLEAVE_INLINE void jacobi_rotation(Symmetric3<T>& a, Matrix3<T>& v, const T& negligible, int p, int q, int r) {
   const T coupling = a(p, q);
   const mask_of<T> done = abs(coupling) <= negligible;
-  const PlaneRotation<T> g = diagonalizing_rotation(T(a(q, q) - a(p, p)), coupling, done);
+  const PlaneRotation<T> g = diagonalizing_rotation(T(a(q, q) - a(p, p)), T(coupling + coupling), done);
   a(p, p) = a(p, p) - g.tangent * coupling;
   a(q, q) = a(q, q) + g.tangent * coupling;
   a(p, q) = select(done, coupling, T(0));
@@ -130,7 +128,7 @@ CLEAVE_INLINE mask_of<T> one_sided_rotation(Matrix3<T>& b, Matrix3<T>& v, int p,
   const T tolerance = T(epsilon<T>) * epsilon<T>;
   // A column below the precision of the (scaled) matrix is zero; its products with others would underflow.
   const mask_of<T> done = xy * xy <= tolerance * xx * yy || min(xx, yy) <= tolerance * T(1e-4);
-  const PlaneRotation<T> g = diagonalizing_rotation(T(yy - xx), xy, done);
+  const PlaneRotation<T> g = diagonalizing_rotation(T(yy - xx), T(xy + xy), done);
   rotate_columns(g, b, p, q);
   rotate_columns(g, v, p, q);
   return done;
@@ -155,7 +153,7 @@ CLEAVE_INLINE SymmetricEigen<T> symmetric_eigen(const Symmetric3<T>& A) {
   const T scale = detail::binade(largest);
   Symmetric3<T> a = A / scale;
   Matrix3<T> v = identity<T>();
-  const T negligible(detail::epsilon<T> * scalar_of<T>(0.0625));
+  const T negligible(detail::epsilon<T> * scalar_of<T>(0.25));
   constexpr int most_sweeps = detail::is_single<T> ? 5 : 6;
   for (int sweep = 0; sweep < most_sweeps; ++sweep) {
     detail::jacobi_rotation(a, v, negligible, 0, 1, 2);
@@ -208,7 +206,7 @@ CLEAVE_OUT_OF_LINE SingularValues<T> svd(const Matrix3<T>& F) {
   // Orthogonal twice over: the first time leaves rounding errors of x, which may outweigh y.
   Vector3<T> w = y - dot(u0, y) * u0;
   const T roundoff = T(4) * detail::epsilon<T> * first;
-  const mask_of<T> is_rank_one = !(squared_norm(w) > roundoff * roundoff);
+  const mask_of<T> is_rank_one = squared_norm(w) <= roundoff * roundoff;
   w = select(is_rank_one, detail::unit_normal(u0), w * rsqrt(squared_norm(w)));
   w = w - dot(u0, w) * u0;
   const Vector3<T> u1 = w * rsqrt(squared_norm(w));
@@ -246,7 +244,7 @@ CLEAVE_INLINE Polar<T> polar(const Matrix3<T>& F) {
   const T contracted = sqrt(T(1) + T(2) * sqrt(max(h + (S(2) * bound) * J, T(0))));
   T x = select(J >= T(0), contracted, bound);
   T step(0);
-  constexpr int newton_steps = detail::is_single<T> ? 3 : 5;
+  constexpr int newton_steps = detail::is_single<T> ? 2 : 4;
   for (int i = 0; i < newton_steps; ++i) {
     const T a = x * x - T(1);
     step = (a * a - T(8) * (J * x) - T(4) * h) / (T(4) * (a * x) - T(8) * J);
@@ -262,8 +260,8 @@ CLEAVE_INLINE Polar<T> polar(const Matrix3<T>& F) {
   R = R * Matrix3<T>(T(1.5) * identity<T>() - T(0.5) * E);
 
   Polar<T> result{R, symmetric_part(transpose(R) * F)};
-  const T least_determination(detail::is_single<T> ? S(0.03) : S(1e-3));
-  const T largest_step(detail::is_single<T> ? S(1e-3) : S(1e-8));
+  const T least_determination(detail::is_single<T> ? S(0.03) : S(0.02));
+  const T largest_step(detail::is_single<T> ? S(3e-3) : S(1e-5));
   const mask_of<T> determined = determination > least_determination && abs(step) < largest_step;
   if (!all(determined)) {
     const Polar<T> robust = detail::polar_from_svd(F);
@@ -305,7 +303,7 @@ CLEAVE_INLINE OrthogonalTriangular<T> qr(const Matrix3<T>& F) {
   const Vector3<T> x = F.column(0), y = F.column(1), z = F.column(2);
   const T nothing(std::numeric_limits<scalar_of<T>>::min());
   const T xx = squared_norm(x);
-  const mask_of<T> no_first = !(xx > nothing);
+  const mask_of<T> no_first = xx <= nothing;
   const T inverse_r11 = rsqrt(select(no_first, T(1), xx));
   const Vector3<T> q0 = select(no_first, Vector3<T>(T(1), T(0), T(0)), inverse_r11 * x);
   const T r11 = select(no_first, T(0), xx * inverse_r11);
@@ -315,7 +313,9 @@ CLEAVE_INLINE OrthogonalTriangular<T> qr(const Matrix3<T>& F) {
   const T again = dot(q0, w);
   w = w - again * q0;
   const T ww = squared_norm(w);
-  const mask_of<T> no_second = !(ww > nothing);
+  // What is left after the first step is rounding errors of it, unless it is larger than they can be.
+  const T roundoff = T(4) * detail::epsilon<T> * r12;
+  const mask_of<T> no_second = ww <= max(nothing, roundoff * roundoff);
   const T inverse_r22 = rsqrt(select(no_second, T(1), ww));
   const T r22 = select(no_second, T(0), ww * inverse_r22);
   Vector3<T> q1 = inverse_r22 * w;
