@@ -18,6 +18,8 @@ struct Location {
   int line = 0, column = 0;
 };
 std::string to_string(const Location&);  ///< "scene.toml:12:5"
+/// How a message about something in a scene begins: "scene.toml:12:5: error: ", nothing for what is not from a file.
+inline std::string error_at(const Location& where) { return where.line > 0 ? to_string(where) + ": error: " : ""; }
 
 enum class Precision { single_precision, double_precision };
 enum class Transfer { apic, flip, pic };

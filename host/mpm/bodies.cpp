@@ -24,7 +24,7 @@ std::vector<SampledBody> sample_bodies(const config::Scene& scene) {
         s.particles = scene::read_particles(*body.particle_file, sim.dimension, volume);
       }
     } catch (const InputError& e) {
-      throw InputError(to_string(body.where) + ": error: body '" + body.name + "': " + e.what());
+      throw InputError(error_at(body.where) + "body '" + body.name + "': " + e.what());
     }
     auto& p = s.particles;
     if (p.velocities.empty()) {

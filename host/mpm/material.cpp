@@ -36,7 +36,7 @@ plugins::Instance instantiate(plugins::Registry& registry, const config::PluginU
   try {
     return plugins::Instance(registry.load(use.id), use.parameters, context);
   } catch (const InputError& e) {
-    throw InputError(to_string(use.where) + ": error: " + e.what());
+    throw InputError(error_at(use.where) + e.what());
   }
 }
 }  // namespace
@@ -59,7 +59,7 @@ Material::Material(const config::Material& m, plugins::Registry& registry, int d
       wave_modulus_{layout_.stride, row, 0} {
   for (const auto* use : {&m.damage, &m.constraint})
     if (*use)
-      throw InputError(to_string((*use)->where) + ": error: material '" + m.name + "': this host evolves no laws of kind '" +
+      throw InputError(error_at((*use)->where) + "material '" + m.name + "': this host evolves no laws of kind '" +
                        (*use)->id.substr(0, (*use)->id.find('/')) + "'");
   if (plasticity_) states_ = plasticity_.description().states;
   detects_inversion_ = !elasticity_.description().can(CLEAVE_INVERSION_SAFE);

@@ -157,8 +157,10 @@ void Particles<T, D>::sort() {
     std::uint32_t source, first, count;  // order[first .. first+count) of the source block
   };
   std::vector<std::vector<Target>> targets(blocks_.size());
-  std::vector<std::uint32_t> order(tiles_ * lanes);
-  std::vector<std::uint8_t> cell(tiles_ * lanes);
+  auto& order = order_;
+  auto& cell = cell_;
+  order.resize(tiles_ * lanes);
+  cell.resize(tiles_ * lanes);
   tbb::parallel_for(std::size_t(0), blocks_.size(), [&](std::size_t k) {
     const Block& b = blocks_[k];
     auto& list = targets[k];

@@ -64,7 +64,8 @@ class Particles {
   std::size_t size() const { return size_; }
   std::size_t tiles() const { return tiles_; }
   char* data() const { return storage_.data(); }
-  std::size_t bytes() const { return storage_.bytes() + sorted_.bytes() + (ids_.capacity() + sorted_ids_.capacity()) * 4; }
+  std::size_t bytes() const { return storage_.bytes() + sorted_.bytes() + (ids_.capacity() + sorted_ids_.capacity() + order_.capacity()) * 4 +
+                                      cell_.capacity(); }
   std::uint32_t id(std::uint64_t slot) const { return ids_[slot]; }
 
   T& value(std::uint32_t offset, std::uint64_t slot) const {
@@ -96,6 +97,8 @@ class Particles {
   TileLayout layout_;
   Buffer storage_, sorted_;
   std::vector<std::uint32_t> ids_, sorted_ids_;
+  std::vector<std::uint32_t> order_;  // scratch of sort()
+  std::vector<std::uint8_t> cell_;
   std::vector<Block> blocks_;
   std::array<std::vector<std::uint32_t>, 8> colours_;
   std::size_t size_ = 0, tiles_ = 0;

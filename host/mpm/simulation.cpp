@@ -272,7 +272,7 @@ void MpmSimulation<T, D>::populate() {
   particle_count_ = id;
   for (std::size_t h = 0; h < handled.size(); h++)
     if (!handled[h])
-      throw InputError(to_string(scene_.handles[h].where) + ": error: handle '" + scene_.handles[h].name + "' holds no particle");
+      throw InputError(error_at(scene_.handles[h].where) + "handle '" + scene_.handles[h].name + "' holds no particle");
   handles_.assign(std::move(handle_of_id));
   for (std::size_t m = 0; m < materials_.size(); m++) {
     if (particles[m].empty()) continue;

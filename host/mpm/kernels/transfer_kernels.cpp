@@ -117,25 +117,45 @@ CLEAVE_INLINE void for_arena_rows(const BlockView& block, F&& run) {
   }
 }
 
+/// Visits `Bytes` bytes at two places in the widest pieces there are: f(a, b) with vectors of 64, 32 or 16 bytes.
+template <class T, int Bytes, class F>
+CLEAVE_INLINE void for_pieces(T* a, const T* b, F&& f) {
+  typedef T Half __attribute__((vector_size(32), aligned(16), may_alias));
+  typedef T Whole __attribute__((vector_size(64), aligned(16), may_alias));
+  typedef T Part __attribute__((vector_size(16), may_alias));
+  int at = 0;
+  const auto visit = [&](auto piece) {
+    using V = decltype(piece);
+    for (; Bytes - at >= int(sizeof(V)); at += int(sizeof(V)))
+      f(*reinterpret_cast<V*>(reinterpret_cast<char*>(a) + at), *reinterpret_cast<const V*>(reinterpret_cast<const char*>(b) + at));
+  };
+  visit(Whole{});
+  visit(Half{});
+  visit(Part{});
+}
+
 template <class T, int D>
 CLEAVE_INLINE void load_arena(const T* grid, const BlockView& block, T* arena) {
   for_arena_rows<D>(block, [&](std::uint32_t b, int node, int at, auto n) {
-    const T* from = grid + (std::size_t(b) * GridShape<D>::block_nodes + node) * 4;
-    T* to = arena + at * 4;
-    for (int i = 0; i < n; i++) store_quad(to + 4 * i, load_quad(from + 4 * i));
+    constexpr int bytes = decltype(n)::value * 4 * int(sizeof(T));
+    for_pieces<T, bytes>(arena + at * 4, grid + (std::size_t(b) * GridShape<D>::block_nodes + node) * 4,
+                         [](auto& to, const auto& from) { to = from; });
   });
 }
 
-/// Adds the arena to the grid and clears it. Home blocks of one colour reach disjoint nodes.
+/// Adds the arena to the grid and clears it. Home blocks of one colour reach disjoint nodes. Nodes without mass are skipped:
+/// the slack around the block is mostly empty.
 template <class T, int D>
 CLEAVE_INLINE void merge_arena(T* grid, const BlockView& block, T* arena) {
   for_arena_rows<D>(block, [&](std::uint32_t b, int node, int at, auto n) {
-    T* to = grid + (std::size_t(b) * GridShape<D>::block_nodes + node) * 4;
+    constexpr int count = decltype(n)::value, bytes = count * 4 * int(sizeof(T));
     T* from = arena + at * 4;
-    for (int i = 0; i < n; i++) {
-      store_quad(to + 4 * i, load_quad(to + 4 * i) + load_quad(from + 4 * i));
-      store_quad(from + 4 * i, Quad<T>{});
-    }
+    T mass = 0;
+    for (int i = 0; i < count; i++) mass += from[4 * i];
+    if (!(mass > T(0))) return;
+    for_pieces<T, bytes>(grid + (std::size_t(b) * GridShape<D>::block_nodes + node) * 4, from,
+                         [](auto& to, const auto& add) { to += add; });
+    std::memset(from, 0, bytes);
   });
 }
 
