@@ -18,6 +18,7 @@
 
 #include <cstddef>
 #include <span>
+#include <utility>
 
 namespace cleave {
 

@@ -88,7 +88,7 @@ struct PlasticBatch {
       LaneMask<S> valid = all_finite(given);
       if constexpr (!is_inversion_safe<Law>) valid = valid & (determinant(given) > T(0));
       const Returned<Strain, n> result = law.return_map(elastic, trial, before);
-      valid = valid & (!result.yielded | all_finite(result.strain));
+      valid = valid & ((!result.yielded) | all_finite(result.strain));
 
       if (out) {
         auto after = given;
@@ -100,7 +100,7 @@ struct PlasticBatch {
       }
       if (state_out)
         for (std::size_t i = 0; i < n; ++i) {
-          valid = valid & (!result.yielded | all_finite(result.state[i]));
+          valid = valid & ((!result.yielded) | all_finite(result.state[i]));
           chunk.store(state_out + i, select(result.yielded, result.state[i], before[i]));
         }
       if (yielded) chunk.store(yielded, select(result.yielded, T(1), T(0)));
