@@ -197,9 +197,10 @@ TEST(MeshShapes, ThatEncloseNothingAreRefused) {
 }
 
 struct SharedMesh {
-  const char* file;
+  const char *name, *file;
   double size;    ///< m, longest edge after scaling
   double volume;  ///< of the mesh (its holes closed) in units of size^3, by the divergence theorem
+  friend std::ostream& operator<<(std::ostream& out, const SharedMesh& mesh) { return out << mesh.name; }
 };
 
 class SharedMeshes : public testing::TestWithParam<SharedMesh> {};
@@ -216,8 +217,10 @@ TEST_P(SharedMeshes, BecomeSolidsOfTheRightVolume) {
 }
 
 INSTANTIATE_TEST_SUITE_P(All, SharedMeshes,
-                         testing::Values(SharedMesh{"stanford-bunny.obj", 0.3, 0.20008},
-                                         SharedMesh{"armadillo.obj", 2, 0.068686}, SharedMesh{"spot.obj", 1, 0.14167}));
+                         testing::Values(SharedMesh{"Bunny", "stanford-bunny.obj", 0.3, 0.20008},
+                                         SharedMesh{"Armadillo", "armadillo.obj", 2, 0.068686},
+                                         SharedMesh{"Spot", "spot.obj", 1, 0.14167}),
+                         [](const auto& info) { return std::string(info.param.name); });
 
 }  // namespace
 }  // namespace cleave::scene

@@ -26,6 +26,7 @@ class TemporaryDirectory {
   TemporaryDirectory& operator=(const TemporaryDirectory&) = delete;
 
   std::filesystem::path write(const std::string& name, const std::string& bytes) const {
+    std::filesystem::remove(path_ / name);  // some file systems flush a file to disk when it is overwritten
     std::ofstream(path_ / name, std::ios::binary) << bytes;
     return path_ / name;
   }

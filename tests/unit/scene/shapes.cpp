@@ -35,37 +35,30 @@ struct Primitive {
   Type type;
   /// Membership from the definition, in coordinates (distance from the axis, height along it) or, for the box, per axis.
   std::function<bool(const ShapeSpec&, const Vector3&)> contains;
-  double volume;
+  friend std::ostream& operator<<(std::ostream& out, const Primitive& primitive) { return out << primitive.name; }
 };
 
 double height(const ShapeSpec& s, const Vector3& x) { return (x - s.center).dot(s.axis); }
 double radius(const ShapeSpec& s, const Vector3& x) { return (x - s.center - height(s, x) * s.axis).norm(); }
 
 const std::vector<Primitive>& primitives() {
-  const ShapeSpec s = shape_of(Type::box);
   static const std::vector<Primitive> all = {
       {"Box", Type::box,
-       [](const ShapeSpec& b, const Vector3& x) { return ((x - b.center).cwiseAbs().array() < b.size.array() / 2).all(); },
-       s.size.prod()},
-      {"Sphere", Type::sphere, [](const ShapeSpec& b, const Vector3& x) { return (x - b.center).norm() < b.radius; },
-       4.0 / 3 * pi * std::pow(s.radius, 3)},
+       [](const ShapeSpec& b, const Vector3& x) { return ((x - b.center).cwiseAbs().array() < b.size.array() / 2).all(); }},
+      {"Sphere", Type::sphere, [](const ShapeSpec& b, const Vector3& x) { return (x - b.center).norm() < b.radius; }},
       {"Cylinder", Type::cylinder,
-       [](const ShapeSpec& b, const Vector3& x) { return radius(b, x) < b.radius && std::abs(height(b, x)) < b.height / 2; },
-       pi * s.radius * s.radius * s.height},
+       [](const ShapeSpec& b, const Vector3& x) { return radius(b, x) < b.radius && std::abs(height(b, x)) < b.height / 2; }},
       {"Capsule", Type::capsule,
        [](const ShapeSpec& b, const Vector3& x) {
          const double beyond = std::max(0.0, std::abs(height(b, x)) - b.height / 2);
          return std::hypot(radius(b, x), beyond) < b.radius;
-       },
-       pi * s.radius * s.radius * (s.height + 4.0 / 3 * s.radius)},
+       }},
       {"Torus", Type::torus,
-       [](const ShapeSpec& b, const Vector3& x) { return std::hypot(radius(b, x) - b.radius, height(b, x)) < b.tube_radius; },
-       2 * pi * pi * s.radius * s.tube_radius * s.tube_radius},
+       [](const ShapeSpec& b, const Vector3& x) { return std::hypot(radius(b, x) - b.radius, height(b, x)) < b.tube_radius; }},
       {"Tube", Type::tube,
        [](const ShapeSpec& b, const Vector3& x) {
          return radius(b, x) < b.radius && radius(b, x) > b.inner_radius && std::abs(height(b, x)) < b.height / 2;
-       },
-       pi * (s.radius * s.radius - s.inner_radius * s.inner_radius) * s.height},
+       }},
   };
   return all;
 }
@@ -191,12 +184,18 @@ struct Pair {
   Pair() { second.center = Vector3(0.6, 0.1, 0.5); }
 };
 
-class Booleans : public testing::TestWithParam<Type> {};
+struct Boolean {
+  const char* name;
+  Type type;
+  friend std::ostream& operator<<(std::ostream& out, const Boolean& boolean) { return out << boolean.name; }
+};
+
+class Booleans : public testing::TestWithParam<Boolean> {};
 
 TEST_P(Booleans, ContainWhatTheirSetsSay) {
   const Pair pair;
   ShapeSpec spec;
-  spec.type = GetParam();
+  spec.type = GetParam().type;
   spec.children = {pair.first, pair.second};
   const auto a = build(pair.first), b = build(pair.second), both = build(spec);
   RandomPoints points(1.6);
@@ -216,7 +215,7 @@ TEST_P(Booleans, ContainWhatTheirSetsSay) {
 TEST_P(Booleans, NeverOverestimateTheDistance) {
   const Pair pair;
   ShapeSpec spec;
-  spec.type = GetParam();
+  spec.type = GetParam().type;
   spec.children = {pair.first, pair.second};
   const auto both = build(spec);
   RandomPoints points(1.6), directions(1, 5);
@@ -231,7 +230,10 @@ TEST_P(Booleans, NeverOverestimateTheDistance) {
   }
 }
 
-INSTANTIATE_TEST_SUITE_P(All, Booleans, testing::Values(Type::set_union, Type::intersection, Type::difference));
+INSTANTIATE_TEST_SUITE_P(All, Booleans,
+                         testing::Values(Boolean{"Union", Type::set_union}, Boolean{"Intersection", Type::intersection},
+                                         Boolean{"Difference", Type::difference}),
+                         [](const auto& info) { return std::string(info.param.name); });
 
 TEST(Booleans, OfOneShapeAreThatShape) {
   for (const Type type : {Type::set_union, Type::intersection, Type::difference}) {
