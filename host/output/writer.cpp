@@ -52,6 +52,7 @@ bool is_frame_name(std::string name, const std::string& extension) {
 
 void remove_file(const fs::path& path) {
   std::error_code error;
+  if (!fs::exists(fs::symlink_status(path, error))) return;
   fs::remove(path, error);
   if (error) throw_file_error("remove", path, error.value());
 }
