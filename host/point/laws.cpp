@@ -91,6 +91,14 @@ plugins::Instance instantiate(const config::PluginUse& use, plugins::Registry& r
   }
 }
 
+config::Override parse_set(const std::string& text) {
+  const auto equals = text.find('='), dot = text.find('.');
+  if (equals == std::string::npos || dot == 0 || dot > equals || dot + 1 == equals)
+    refuse(std::string(config::override_prefix) + text,
+           "expected law.parameter=value, for example elasticity.youngs_modulus=1e6");
+  return config::parse_override(text);
+}
+
 /// The laws as a material of a scene, so that both are checked by the same code.
 config::Material read_material(const LawChoice& choice, config::Precision precision, config::ReadContext& context) {
   config::Material material;
@@ -109,7 +117,7 @@ config::Material read_material(const LawChoice& choice, config::Precision precis
   add(Kind::elasticity, choice.elasticity);
   add(Kind::plasticity, choice.plasticity);
   add(Kind::damage, choice.damage);
-  for (const std::string& set : choice.sets) apply_override(root, config::parse_override(set), context.diagnostics);
+  for (const std::string& set : choice.sets) apply_override(root, parse_set(set), context.diagnostics);
 
   config::TableReader reader(root, "a material point", context);
   const auto read = [&](Kind kind, bool chosen) -> std::optional<config::PluginUse> {
