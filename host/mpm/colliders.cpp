@@ -9,7 +9,8 @@ namespace cleave::mpm {
 
 Vector3 resolve_contact(config::Contact contact, double friction, const Vector3& normal, const Vector3& collider_velocity,
                         const Vector3& v) {
-  if (contact == config::Contact::sticky) return collider_velocity;
+  // deep inside a level set there is no direction to go
+  if (contact == config::Contact::sticky || normal.isZero()) return collider_velocity;
   const Vector3 relative = v - collider_velocity;
   const double inward = relative.dot(normal);
   if (contact == config::Contact::separate && inward >= 0) return v;

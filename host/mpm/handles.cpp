@@ -2,7 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
-#include <unordered_map>
+#include <utility>
 
 namespace cleave::mpm {
 
@@ -28,39 +28,46 @@ void Handles<T, D>::prepare(const std::vector<Particles<T, D>*>& sets) {
 
 template <class T, int D>
 void Handles<T, D>::apply(Grid<T, D>& grid, const std::vector<const Particles<T, D>*>& sets, const std::vector<double>& densities,
-                          double time, double time_step) const {
+                          double time, double time_step) {
+  constexpr int edge = GridShape<D>::block_edge, nodes = GridShape<D>::block_nodes, last = D == 3 ? 3 : 1;
+  mass_.resize(grid.nodes(), 0.f);
   for (std::uint16_t h = 0; h < handles_.size(); h++) {
     if (!active(h, time)) continue;
-    std::unordered_map<std::size_t, double> mass;
+    touched_.clear();
     for (std::size_t s = 0; s < sets.size(); s++) {
       const auto& set = *sets[s];
-      const auto& blocks = set.blocks();
+      const TileLayout& l = set.layout();
       for (const auto& m : members_[s]) {
         if (m.handle != h) continue;
-        const Vector3 x = set.position(blocks[m.block], m.slot);
-        const double m_p = double(set.value(set.layout().volume, m.slot)) * densities[s];
-        Index3 base = Index3::Zero();
+        const auto& block = set.blocks()[m.block];
+        const double m_p = double(set.value(l.volume, m.slot)) * densities[s];
+        int base[3] = {0, 0, 0};  // counted from the first node of the block before
         double w[3][3] = {{1, 0, 0}, {1, 0, 0}, {1, 0, 0}};
         for (int a = 0; a < D; a++) {
-          base[a] = int(std::floor(x[a] - 0.5));
-          const double q = x[a] - base[a] - 1;
+          const double x = double(set.value(l.position, a, m.slot)), q = x - std::floor(x - 0.5) - 1;
+          base[a] = int(std::floor(x - 0.5)) + edge;
           w[a][0] = 0.5 * (0.5 - q) * (0.5 - q);
           w[a][1] = 0.75 - q * q;
           w[a][2] = 0.5 * (0.5 + q) * (0.5 + q);
         }
         for (int i = 0; i < 3; i++)
           for (int j = 0; j < 3; j++)
-            for (int k = 0; k < (D == 3 ? 3 : 1); k++) {
-              const std::size_t n = grid.node_index(base + Index3(i, j, D == 3 ? k : 0));
-              if (n != ~std::size_t(0)) mass[n] += m_p * w[0][i] * w[1][j] * w[2][k];
+            for (int k = 0; k < last; k++) {
+              const int x = base[0] + i, y = base[1] + j, z = base[2] + k;
+              const int neighbour = D == 3 ? (x / edge) * 9 + (y / edge) * 3 + z / edge : (x / edge) * 3 + y / edge;
+              const int inside = D == 3 ? ((x % edge) * edge + y % edge) * edge + z % edge : (x % edge) * edge + y % edge;
+              const std::size_t n = std::size_t(block.neighbours[neighbour]) * nodes + std::size_t(inside);
+              if (mass_[n] == 0) touched_.push_back(n);
+              mass_[n] += float(m_p * w[0][i] * w[1][j] * w[2][k]);
             }
       }
     }
     // velocity that carries a point exactly from its pose before the step to the one after
     const auto before = handles_[h].motion.at(time), after = handles_[h].motion.at(time + time_step);
-    for (const auto& [n, m] : mass) {
+    for (const std::size_t n : touched_) {
       T* node = grid.node(n);
-      if (!(m >= 0.5 * double(node[0]))) continue;
+      const float held = std::exchange(mass_[n], 0.f);
+      if (!(held >= 0.5f * float(node[0]))) continue;
       const Vector3 x = grid.node_coordinates(n).template cast<double>() * cell_size_;
       const Vector3 v = (after.to_world(before.to_scene(x)) - x) / time_step;
       for (int a = 0; a < D; a++) node[1 + a] = T(v[a]);

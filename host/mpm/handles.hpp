@@ -26,7 +26,7 @@ class Handles {
   void prepare(const std::vector<Particles<T, D>*>&);
   /// After the grid update: prescribes node velocities for the step from `time` to `time + time_step`.
   void apply(Grid<T, D>&, const std::vector<const Particles<T, D>*>&, const std::vector<double>& densities, double time,
-             double time_step) const;
+             double time_step);
   /// After the transfer back: puts the handles' particles where they have to be. Returns true if one left its block's slack.
   bool move(const std::vector<Particles<T, D>*>&, const std::vector<std::vector<Vector3>>& positions_before, double time,
             double time_step) const;
@@ -47,6 +47,8 @@ class Handles {
   bool any_ = false;
   std::vector<std::uint16_t> handle_of_id_;
   std::vector<std::vector<Member>> members_;  // per set
+  std::vector<float> mass_;                   // per grid node, zero between calls
+  std::vector<std::size_t> touched_;
 };
 
 }  // namespace cleave::mpm
