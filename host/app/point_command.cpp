@@ -235,14 +235,11 @@ void add_point_options(CLI::App& cli, PointOptions& options) {
   cli.add_option("--fiber2", options.laws.second_fiber, "Second one, orthogonal to the first (default: completes the frame)");
   cli.add_option("--precision", options.laws.precision, "Precision of the laws: double or single")->capture_default_str();
   cli.add_option("--cell-size", options.laws.cell_size, "Cell size in m, for laws with lengths given in cells");
-  auto* input =
-      cli.add_option("--input", options.input, "CSV with columns F00..F22 and optionally d and state variables; - is stdin");
-  auto* path = cli.add_option("--path", options.path, "Drive one point instead: " + joined(point::path_names()));
-  input->excludes(path);
-  cli.add_option("--amplitude", options.amplitude, "Strain at the end of the path: stretch - 1 along axis 0, or gamma")
-      ->needs(path);
-  cli.add_option("--steps", options.steps, "Increments of the path (default: 100)")->needs(path);
-  cli.add_option("--confinement", options.confinement, "Pressure in Pa around a triaxial path")->needs(path);
+  cli.add_option("--input", options.input, "CSV with columns F00..F22 and optionally d and state variables; - is stdin");
+  cli.add_option("--path", options.path, "Drive one point instead: " + joined(point::path_names()));
+  cli.add_option("--amplitude", options.amplitude, "Strain at the end of the path: stretch - 1 along axis 0, or gamma");
+  cli.add_option("--steps", options.steps, "Increments of the path (default: 100)");
+  cli.add_option("--confinement", options.confinement, "Pressure in Pa around a triaxial path");
   cli.add_option("--output", options.output, "CSV to write (default: standard output)");
 }
 

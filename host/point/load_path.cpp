@@ -99,8 +99,7 @@ class Driver {
       const double D = next.response.driving_force;
       const double wanted = laws_.damage_is_local ? next.response.damage : D / (1 + D);
       const double damage = std::clamp(wanted, current_.damage, 1.0);
-      const bool settled = std::abs(damage - state.degrading_damage) <= evaluator_.epsilon();
-      if (i > 0 && settled) return;
+      if (std::abs(damage - state.degrading_damage) <= evaluator_.epsilon()) return;
       next.damage = state.degrading_damage = damage;
       // A local law starts each increment from the damage before it; the others are asked for their equilibrium.
       if (!laws_.damage_is_local) state.damage = damage;
