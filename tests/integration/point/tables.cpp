@@ -145,11 +145,10 @@ TEST_F(Tables, SingleAgreesWithDouble) {
     EXPECT_NEAR(exact.number(i, "D"), rounded.number(i, "D"), 1e-4 * (1 + exact.number(i, "D")));
     for (const char* column : {"psi", "J", "tau01"}) {
       const std::string& text = rounded.text(i, column);
-      EXPECT_EQ(double(std::strtof(text.c_str(), nullptr)), double(float(std::strtod(text.c_str(), nullptr))));
-      EXPECT_LE(std::count_if(text.begin(), std::find(text.begin(), text.end(), 'e'),
-                              [](unsigned char c) { return std::isdigit(c); }),
-                14)
-          << text;
+      std::string digits;
+      for (const char c : text.substr(0, text.find('e')))
+        if (std::isdigit(static_cast<unsigned char>(c)) && !(digits.empty() && c == '0')) digits += c;
+      EXPECT_LE(digits.size(), 9u) << text;
     }
   }
 }
