@@ -134,6 +134,7 @@ TEST_F(Files, AFolderThatVanishesDuringTheRunIsAnErrorWithTheFilesName) {
 struct Format {
   const char* name;
   const char* file;
+  friend std::ostream& operator<<(std::ostream& out, const Format& format) { return out << format.name; }
 };
 
 class FullDisk : public RunDirectory, public testing::WithParamInterface<Format> {};
@@ -191,12 +192,11 @@ TEST_F(Files, AFullFileSystemIsCalledByItsName) {
   const std::filesystem::path small = directory / "small";
   std::filesystem::create_directory(small);
   if (::mount("tmpfs", small.c_str(), "tmpfs", 0, "size=64k") != 0) GTEST_SKIP() << "cannot mount a small file system";
-  std::string message;
-  {
+  const std::string message = error_of([&] {
     Writer writer(small, {"vdb", "vtp"}, false);
-    message = error_of([&] { writer.frame(random_frame(3000)); });
-  }
-  ::umount(small.c_str());
+    writer.frame(random_frame(3000));
+  });
+  ::umount2(small.c_str(), MNT_DETACH);
   EXPECT_THAT(message, AllOf(HasSubstr("frame_0007"), HasSubstr("No space left on device")));
 }
 
