@@ -4,10 +4,10 @@
 #include "app/validate_command.hpp"
 #include "common/error.hpp"
 
-#include <CLI/CLI.hpp>
 #include <fmt/format.h>
 #include <spdlog/sinks/stdout_color_sinks.h>
 #include <spdlog/spdlog.h>
+#include <CLI/CLI.hpp>
 
 #include <cstdio>
 #include <exception>
@@ -43,7 +43,8 @@ int main(int argc, char** argv) {
   std::vector<std::string> validate_sets;
   auto* validate_cli = cli.add_subcommand("validate", "Check a scene completely without running it");
   validate_cli->add_option("scene", validate_scene, "Scene file (TOML)")->required();
-  validate_cli->add_option("--set", validate_sets, "Change a value of the scene: path=value (repeatable)")->allow_extra_args(false);
+  validate_cli->add_option("--set", validate_sets, "Change a value of the scene: path=value (repeatable)")
+      ->allow_extra_args(false);
   validate_cli->callback([&] { status = app::validate_command(validate_scene, validate_sets, registry()); });
 
   app::PluginsOptions list;

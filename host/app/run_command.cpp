@@ -38,7 +38,8 @@ struct InterruptGuard {
     sigaction(SIGINT, &old_int, nullptr);
     sigaction(SIGTERM, &old_term, nullptr);
   }
-  struct sigaction old_int {}, old_term {};
+  struct sigaction old_int {
+  }, old_term{};
 };
 
 std::string memory_report(const mpm::Simulation& simulation) {
@@ -64,7 +65,8 @@ std::string particle_csv(const output::ParticleFrame& f) {
     const auto& v = f.velocities[i];
     text += fmt::format("{},{},{},{},{},{},{},{},{}", x[0], x[1], x[2], v[0], v[1], v[2], f.volumes[i], f.ids[i], f.body[i]);
     for (const auto& a : f.attributes)
-      for (int c = 0; c < a.components; c++) text += fmt::format(",{}", a.values[i * std::size_t(a.components) + std::size_t(c)]);
+      for (int c = 0; c < a.components; c++)
+        text += fmt::format(",{}", a.values[i * std::size_t(a.components) + std::size_t(c)]);
     text += "\n";
   }
   return text;
@@ -86,8 +88,7 @@ int run_command(const RunOptions& options, plugins::Registry& registry) {
   const auto begin = Clock::now();
   const auto seconds_since = [](Clock::time_point t) { return std::chrono::duration<double>(Clock::now() - t).count(); };
   auto simulation = mpm::Simulation::create(scene, registry);
-  const std::filesystem::path out =
-      options.out.empty() ? std::filesystem::path("out") / options.scene.stem() : options.out;
+  const std::filesystem::path out = options.out.empty() ? std::filesystem::path("out") / options.scene.stem() : options.out;
   output::Writer writer(out, scene.output.formats, scene.output.surface);
   writer.text("scene.toml", config::to_toml(scene, registry));
 
@@ -180,8 +181,9 @@ int run_command(const RunOptions& options, plugins::Registry& registry) {
   write_summary(status);
   progress.finish("");
   if (!options.quiet) {
-    fmt::print("{}: {} steps, {:.3g} s simulated in {:.1f} s ({:.1f} s stepping, {:.1f} million particle-steps per second)\n", status,
-               simulation->steps(), simulation->time(), seconds_since(begin), stepping, summary.particle_steps_per_second * 1e-6);
+    fmt::print("{}: {} steps, {:.3g} s simulated in {:.1f} s ({:.1f} s stepping, {:.1f} million particle-steps per second)\n",
+               status, simulation->steps(), simulation->time(), seconds_since(begin), stepping,
+               summary.particle_steps_per_second * 1e-6);
     for (const auto& path : writer.written()) fmt::print("  {}\n", path.string());
   }
   return interrupted ? 130 : 0;

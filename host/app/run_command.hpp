@@ -11,11 +11,11 @@ namespace cleave::app {
 
 struct RunOptions {
   std::filesystem::path scene;
-  std::filesystem::path out;        ///< empty: out/<scene name>
-  int threads = 0;                  ///< 0: all
-  std::optional<int> frames;        ///< stop after this many frames
-  std::optional<long long> steps;   ///< stop after this many steps
-  std::vector<std::string> sets;    ///< "path=value"
+  std::filesystem::path out;       ///< empty: out/<scene name>
+  int threads = 0;                 ///< 0: all
+  std::optional<int> frames;       ///< stop after this many frames
+  std::optional<long long> steps;  ///< stop after this many steps
+  std::vector<std::string> sets;   ///< "path=value"
   bool quiet = false;
 };
 

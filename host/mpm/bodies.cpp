@@ -39,6 +39,9 @@ std::vector<SampledBody> sample_bodies(const config::Scene& scene) {
         }
         center /= total;
       }
+      // the affine field starts with the spin: without it the first transfer would lose angular momentum
+      const Vector3& w = body.spin.angular_velocity;
+      s.velocity_gradient << 0, -w.z(), w.y(), w.z(), 0, -w.x(), -w.y(), w.x(), 0;
       p.velocities.resize(p.positions.size());
       for (std::size_t i = 0; i < p.positions.size(); i++)
         p.velocities[i] = body.velocity + body.spin.angular_velocity.cross(p.positions[i] - center);

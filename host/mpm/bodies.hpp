@@ -11,8 +11,9 @@ namespace cleave::mpm {
 /// A body of the scene as particles, before they are handed to a material's storage.
 struct SampledBody {
   std::string name;
-  std::size_t material = 0;        ///< index into the scene's materials
-  scene::ParticleSource particles; ///< velocities filled in (body velocity, spin), deformation possibly empty
+  std::size_t material = 0;                     ///< index into the scene's materials
+  scene::ParticleSource particles;              ///< velocities filled in (body velocity, spin), deformation possibly empty
+  Matrix3 velocity_gradient = Matrix3::Zero();  ///< of the initial motion, 1/s
 };
 
 /// Samples or reads every body. Throws InputError naming the body.

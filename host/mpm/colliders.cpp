@@ -27,7 +27,7 @@ Colliders<T, D>::Colliders(const std::vector<config::Collider>& colliders, doubl
 
 template <class T, int D>
 std::vector<typename Colliders<T, D>::Contact> Colliders<T, D>::find_contacts(const Grid<T, D>& grid, const Collider& collider,
-                                                                             const scene::RigidMotion::Pose& pose) const {
+                                                                              const scene::RigidMotion::Pose& pose) const {
   constexpr int nodes = Grid<T, D>::block_nodes;
   const double half_diagonal = cell_size_ * (Grid<T, D>::edge - 1) / 2.0 * std::sqrt(double(D));
   const bool moves = !collider.spec.motion.at_rest();

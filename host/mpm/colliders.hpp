@@ -13,7 +13,8 @@ namespace cleave::mpm {
 /// sticky   v = collider velocity
 /// slip     no normal relative velocity; Coulomb friction on the tangential one
 /// separate the same, but only where the node moves inwards
-Vector3 resolve_contact(config::Contact, double friction, const Vector3& normal, const Vector3& collider_velocity, const Vector3& v);
+Vector3 resolve_contact(config::Contact, double friction, const Vector3& normal, const Vector3& collider_velocity,
+                        const Vector3& v);
 
 /// Boundary conditions of the scene's colliders on the grid velocities.
 template <class T, int D>

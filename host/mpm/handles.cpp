@@ -27,8 +27,8 @@ void Handles<T, D>::prepare(const std::vector<Particles<T, D>*>& sets) {
 }
 
 template <class T, int D>
-void Handles<T, D>::apply(Grid<T, D>& grid, const std::vector<const Particles<T, D>*>& sets, const std::vector<double>& densities,
-                          double time, double time_step) {
+void Handles<T, D>::apply(Grid<T, D>& grid, const std::vector<const Particles<T, D>*>& sets,
+                          const std::vector<double>& densities, double time, double time_step) {
   constexpr int edge = GridShape<D>::block_edge, nodes = GridShape<D>::block_nodes, last = D == 3 ? 3 : 1;
   mass_.resize(grid.nodes(), 0.f);
   for (std::uint16_t h = 0; h < handles_.size(); h++) {

@@ -108,8 +108,7 @@ BoundLaw Material::return_mapping() const {
 template <class T>
 BoundLaw Material::measure(Measure what) const {
   BoundLaw law = stress<T>();
-  const bool offered =
-      elasticity_.description().can(what == Measure::energy ? CLEAVE_HAS_ENERGY : CLEAVE_HAS_WAVE_MODULUS);
+  const bool offered = elasticity_.description().can(what == Measure::energy ? CLEAVE_HAS_ENERGY : CLEAVE_HAS_WAVE_MODULUS);
   if (!offered) return {};
   law.layout = (what == Measure::energy ? energy_ : wave_modulus_).get();
   return law;

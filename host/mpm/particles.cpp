@@ -60,7 +60,8 @@ Home home_of(const T* x, const BlockCoordinate& origin) {
   int cell = 0;
   for (int a = 0; a < D; a++) {
     const double base = std::floor(double(x[a]) - 0.5);
-    if (!(std::abs(base) < 8.0 * farthest_block)) throw SimulationError("a particle is no longer anywhere (position not finite)");
+    if (!(std::abs(base) < 8.0 * farthest_block))
+      throw SimulationError("a particle is no longer anywhere (position not finite)");
     const std::int64_t block = std::int64_t(std::floor(base / edge));
     const std::int64_t coordinate = origin[a] + block;
     if (coordinate > farthest_block || coordinate < -farthest_block)
@@ -137,10 +138,11 @@ void Particles<T, D>::assign(const std::vector<NewParticle>& particles, const st
         value(layout_.position, a, slot) = T(p.position[a] - double(b.coordinate[a]) * edge);
         value(layout_.velocity, a, slot) = T(p.velocity[a]);
       }
-      for (int c = 0; c < D * D; c++) value(layout_.affine, c, slot) = 0;
+      for (int c = 0; c < D * D; c++) value(layout_.affine, c, slot) = T(p.velocity_gradient(c / D, c % D));
       value(layout_.volume, slot) = i < b.count ? T(p.volume) : T(0);
       const Matrix3 m = layout_.stores_b ? Matrix3(p.deformation * p.deformation.transpose()) : p.deformation;
-      for (std::size_t c = 0; c < strain.size(); c++) value(layout_.strain, int(c), slot) = T(m(strain[c].first, strain[c].second));
+      for (std::size_t c = 0; c < strain.size(); c++)
+        value(layout_.strain, int(c), slot) = T(m(strain[c].first, strain[c].second));
       for (int c = 0; c < n_fiber; c++) value(layout_.fiber, c, slot) = T(fibers[index * n_fiber + c]);
       for (int c = 0; c < n_state; c++) value(layout_.state, c, slot) = T(state[index * n_state + c]);
     }

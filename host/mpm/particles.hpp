@@ -32,7 +32,8 @@ struct NewParticle {
   std::uint32_t id = 0;
   Vector3 position = Vector3::Zero();  ///< in cells
   Vector3 velocity = Vector3::Zero();
-  double volume = 0;                   ///< in cells
+  Matrix3 velocity_gradient = Matrix3::Zero();  ///< 1/s
+  double volume = 0;                            ///< in cells
   Matrix3 deformation = Matrix3::Identity();
 };
 
@@ -64,8 +65,10 @@ class Particles {
   std::size_t size() const { return size_; }
   std::size_t tiles() const { return tiles_; }
   char* data() const { return storage_.data(); }
-  std::size_t bytes() const { return storage_.bytes() + sorted_.bytes() + (ids_.capacity() + sorted_ids_.capacity() + order_.capacity()) * 4 +
-                                      cell_.capacity(); }
+  std::size_t bytes() const {
+    return storage_.bytes() + sorted_.bytes() + (ids_.capacity() + sorted_ids_.capacity() + order_.capacity()) * 4 +
+           cell_.capacity();
+  }
   std::uint32_t id(std::uint64_t slot) const { return ids_[slot]; }
 
   T& value(std::uint32_t offset, std::uint64_t slot) const {

@@ -26,7 +26,8 @@ namespace {
 using Clock = std::chrono::steady_clock;
 
 enum Stage { sort_stage, to_grid_stage, grid_stage, to_particles_stage, bound_stage, stage_count };
-constexpr const char* stage_names[stage_count] = {"sort", "particles to grid", "grid update", "grid to particles", "step bounds"};
+constexpr const char* stage_names[stage_count] = {"sort", "particles to grid", "grid update", "grid to particles",
+                                                  "step bounds"};
 
 /// Elastic waves are measured every this many steps: they change by fractions of a percent from step to step, and the CFL
 /// number leaves a factor of two.
@@ -45,8 +46,7 @@ class MpmSimulation final : public Simulation {
         colliders_(scene.colliders, scene.simulation.cell_size),
         handles_(scene.handles, scene.simulation.cell_size),
         scratch_([size = kernels_.scratch_bytes] { return Buffer(size); }) {
-    for (const auto& m : scene.materials)
-      materials_.push_back(std::make_unique<Material>(m, registry, D, cell_size_));
+    for (const auto& m : scene.materials) materials_.push_back(std::make_unique<Material>(m, registry, D, cell_size_));
     if (scene.materials.empty() || scene.bodies.empty()) throw InputError("the scene has no body to simulate");
     reference_density_ = 0;
     for (const auto& m : materials_) reference_density_ = std::max(reference_density_, m->density());
@@ -121,11 +121,15 @@ class MpmSimulation final : public Simulation {
  private:
   static const TransferKernels<T, D>& pick(const KernelSet& k) {
     if constexpr (std::is_same_v<T, float>) {
-      if constexpr (D == 2) return k.single_2d;
-      else return k.single_3d;
+      if constexpr (D == 2)
+        return k.single_2d;
+      else
+        return k.single_3d;
     } else {
-      if constexpr (D == 2) return k.double_2d;
-      else return k.double_3d;
+      if constexpr (D == 2)
+        return k.double_2d;
+      else
+        return k.double_3d;
     }
   }
 
@@ -240,12 +244,13 @@ void MpmSimulation<T, D>::populate() {
       p.id = id;
       p.position = source.positions[i] / cell_size_;
       p.velocity = source.velocities[i];
+      if (scene_.simulation.transfer == config::Transfer::apic) p.velocity_gradient = body.velocity_gradient;
       p.volume = source.volumes[i] / cell_volume;
       if (!source.deformation.empty()) {
         p.deformation = source.deformation[i];
         if (material.detects_inversion() && !(p.deformation.determinant() > 0))
-          throw InputError(fmt::format("body '{}': particle {} starts with det F = {:.6g}, where {} is not defined", body.name, i,
-                                       p.deformation.determinant(), material.elasticity().description().id));
+          throw InputError(fmt::format("body '{}': particle {} starts with det F = {:.6g}, where {} is not defined", body.name,
+                                       i, p.deformation.determinant(), material.elasticity().description().id));
       }
       particles[body.material].push_back(p);
       std::size_t component = 0;
@@ -341,9 +346,10 @@ void MpmSimulation<T, D>::measure_waves() {
     const Material& m = *materials_[set_material_[s]];
     const BoundLaw law = m.measure<T>(Material::Measure::wave_modulus);
     if (!law.function)
-      throw InputError(fmt::format("material '{}': {} declares no wave modulus, so no step size can be chosen: set "
-                                   "simulation.time_step in seconds",
-                                   m.name(), m.elasticity().description().id));
+      throw InputError(
+          fmt::format("material '{}': {} declares no wave modulus, so no step size can be chosen: set "
+                      "simulation.time_step in seconds",
+                      m.name(), m.elasticity().description().id));
     std::vector<double> largest(sets_[s]->blocks().size(), 0.0);
     evaluate(s, law, [&](std::size_t block, std::uint64_t, const T* values, int count) {
       for (int k = 0; k < count; k++)
@@ -420,9 +426,8 @@ void MpmSimulation<T, D>::update_grid(const StepView& step) {
   Timer timer(*this, grid_stage);
   T change[3];
   for (int a = 0; a < 3; a++) change[a] = a < D ? T(scene_.simulation.gravity[a] * step.time_step) : T(0);
-  tbb::parallel_for(tbb::blocked_range<std::size_t>(0, grid_.blocks(), 64), [&](const auto& range) {
-    kernels_.grid_update(grid_.data(), range.begin(), range.end(), change);
-  });
+  tbb::parallel_for(tbb::blocked_range<std::size_t>(0, grid_.blocks(), 64),
+                    [&](const auto& range) { kernels_.grid_update(grid_.data(), range.begin(), range.end(), change); });
   if (handles_.any()) {
     std::vector<double> densities;
     for (auto m : set_material_) densities.push_back(materials_[m]->density() / reference_density_);
@@ -557,8 +562,7 @@ output::ParticleFrame MpmSimulation<T, D>::frame(int index) const {
       auto& a = attribute("C", 9, "1/s");
       s.for_each([&](const auto&, std::uint64_t slot) {
         for (int i = 0; i < D; i++)
-          for (int j = 0; j < D; j++)
-            a.values[s.id(slot) * 9 + i * 3 + j] = float(s.value(s.layout().affine, i * D + j, slot));
+          for (int j = 0; j < D; j++) a.values[s.id(slot) * 9 + i * 3 + j] = float(s.value(s.layout().affine, i * D + j, slot));
       });
     }
     int first = 0;

@@ -16,8 +16,8 @@ namespace cleave::mpm {
 struct ParticleState {
   std::int64_t id = 0;
   std::int32_t body = 0;
-  Vector3 position = Vector3::Zero();  ///< m
-  Vector3 velocity = Vector3::Zero();  ///< m/s
+  Vector3 position = Vector3::Zero();           ///< m
+  Vector3 velocity = Vector3::Zero();           ///< m/s
   Matrix3 velocity_gradient = Matrix3::Zero();  ///< the affine field C of APIC, 1/s
   double volume = 0;                            ///< at rest, m^3 (2D: m^2)
   bool stores_b = false;

@@ -49,47 +49,47 @@ struct BoundLaw {
 struct ParticleView {
   char* tiles = nullptr;
   std::uint32_t stride = 0;
-  std::uint32_t position = 0;   ///< D, cells from the home block's first node
-  std::uint32_t velocity = 0;   ///< D, m/s
-  std::uint32_t affine = 0;     ///< D*D velocity gradient C, row-major, 1/s
-  std::uint32_t volume = 0;     ///< 1, rest volume in cells
-  std::uint32_t strain = 0;     ///< b: xx yy zz xy xz yz (2D: xx yy zz xy); F: row-major (2D: 00 01 10 11 22)
+  std::uint32_t position = 0;  ///< D, cells from the home block's first node
+  std::uint32_t velocity = 0;  ///< D, m/s
+  std::uint32_t affine = 0;    ///< D*D velocity gradient C, row-major, 1/s
+  std::uint32_t volume = 0;    ///< 1, rest volume in cells
+  std::uint32_t strain = 0;    ///< b: xx yy zz xy xz yz (2D: xx yy zz xy); F: row-major (2D: 00 01 10 11 22)
   bool stores_b = false;
   bool detect_inversion = false;  ///< a step that turns a neighbourhood inside out is an error for this material
   double relative_density = 1;    ///< rho / rho_ref
   BoundLaw elasticity, plasticity;
-  void* constants = nullptr;      ///< stream 2
+  void* constants = nullptr;  ///< stream 2
 };
 
 struct BlockView {
   std::uint64_t first_tile = 0;
   std::uint32_t count = 0;
-  std::uint32_t neighbours[27];   ///< grid blocks at offsets (-1,-1,-1) .. (1,1,1), last axis fastest
+  std::uint32_t neighbours[27];  ///< grid blocks at offsets (-1,-1,-1) .. (1,1,1), last axis fastest
 };
 
 enum class TransferScheme : std::uint32_t { apic, pic, flip };
 
 struct StepView {
-  double time_step = 0;   ///< s
-  double cell_size = 0;   ///< m
-  double force_scale = 0; ///< 4 dt / (dx rho_ref): stress times rest volume in cells to momentum per cell of offset
+  double time_step = 0;    ///< s
+  double cell_size = 0;    ///< m
+  double force_scale = 0;  ///< 4 dt / (dx rho_ref): stress times rest volume in cells to momentum per cell of offset
   TransferScheme scheme = TransferScheme::apic;
   double flip_ratio = 0;
-  bool stress = true;     ///< false: scatter mass and momentum alone (FLIP's reference velocity)
-  void* grid = nullptr;            ///< block_nodes * 4 numbers per block
-  const void* grid_before = nullptr; ///< FLIP: velocities before forces
+  bool stress = true;                 ///< false: scatter mass and momentum alone (FLIP's reference velocity)
+  void* grid = nullptr;               ///< block_nodes * 4 numbers per block
+  const void* grid_before = nullptr;  ///< FLIP: velocities before forces
 };
 
 /// What a kernel noticed while working on blocks. Merged with max/or: independent of order.
 struct BlockReport {
-  double maximum_speed = 0;       ///< largest component of velocity, m/s
-  bool strayed = false;           ///< a particle left its home block's slack: sort before the next step
-  std::uint8_t status = 0;        ///< worst cleave_status
+  double maximum_speed = 0;  ///< largest component of velocity, m/s
+  bool strayed = false;      ///< a particle left its home block's slack: sort before the next step
+  std::uint8_t status = 0;   ///< worst cleave_status
   cleave_result result = CLEAVE_OK;
-  bool plasticity_failed = false; ///< the failing law (else elasticity)
-  bool not_finite = false;        ///< a velocity or position is no number
+  bool plasticity_failed = false;  ///< the failing law (else elasticity)
+  bool not_finite = false;         ///< a velocity or position is no number
   bool inverted = false;
-  std::uint64_t slot = ~0ull;     ///< smallest particle slot (tile * lanes + lane) with a problem
+  std::uint64_t slot = ~0ull;  ///< smallest particle slot (tile * lanes + lane) with a problem
 };
 
 template <class T, int D>

@@ -89,9 +89,7 @@ struct Row<float> {
     x = _mm512_mask_broadcastss_ps(x, 0x00f0, _mm_load_ss(w + step));
     return {_mm512_mask_broadcastss_ps(x, 0x0f00, _mm_load_ss(w + 2 * step))};
   }
-  static CLEAVE_INLINE Row offsets() {
-    return {_mm512_setr_ps(-1, -1, -1, -1, 0, 0, 0, 0, 1, 1, 1, 1, 0, 0, 0, 0)};
-  }
+  static CLEAVE_INLINE Row offsets() { return {_mm512_setr_ps(-1, -1, -1, -1, 0, 0, 0, 0, 1, 1, 1, 1, 0, 0, 0, 0)}; }
   static CLEAVE_INLINE Row offset(Row x) { return x * offsets(); }
   static CLEAVE_INLINE Row add_offset(Row x, Row base) { return {_mm512_fmadd_ps(x.r, offsets().r, base.r)}; }
   friend CLEAVE_INLINE Row operator+(Row x, Row y) { return {_mm512_add_ps(x.r, y.r)}; }
@@ -126,9 +124,7 @@ struct Row<double> {
   static CLEAVE_INLINE Row weights(const double* w, int step) {
     return {_mm512_mask_broadcastsd_pd(_mm512_set1_pd(w[0]), 0xf0, _mm_load_sd(w + step)), _mm256_set1_pd(w[2 * step])};
   }
-  static CLEAVE_INLINE Row offset(Row x) {
-    return {_mm512_maskz_sub_pd(0x0f, _mm512_setzero_pd(), x.r), x.s};
-  }
+  static CLEAVE_INLINE Row offset(Row x) { return {_mm512_maskz_sub_pd(0x0f, _mm512_setzero_pd(), x.r), x.s}; }
   static CLEAVE_INLINE Row add_offset(Row x, Row base) {
     return {_mm512_mask_sub_pd(base.r, 0x0f, base.r, x.r), _mm256_add_pd(base.s, x.s)};
   }

@@ -1,4 +1,5 @@
-// Particles to grid, grid update, grid to particles: MLS-MPM with quadratic B-splines (Hu et al. 2018), APIC (Jiang et al. 2015).
+// Particles to grid, grid update, grid to particles: MLS-MPM with quadratic B-splines (Hu et al. 2018), APIC (Jiang et al.
+// 2015).
 //
 // Per particle, with d the offset from the particle to the middle node of its stencil in cells, and w the separable weights:
 //   node i gets     mass     w m
@@ -67,7 +68,7 @@ inline constexpr int chunk_tiles = chunk_points / tile_lanes<T>;
 template <int D>
 struct WeightRows {
   static constexpr int axis(int a) { return 3 * a; }
-  static constexpr int plane = 3 * D;                       // 3D only: wx_i wy_j
+  static constexpr int plane = 3 * D;                        // 3D only: wx_i wy_j
   static constexpr int offset = D == 3 ? plane + 9 : plane;  // D rows: middle node minus particle
   static constexpr int count = offset + D;
 };
@@ -127,7 +128,8 @@ CLEAVE_INLINE void for_pieces(T* a, const T* b, F&& f) {
   const auto visit = [&](auto piece) {
     using V = decltype(piece);
     for (; Bytes - at >= int(sizeof(V)); at += int(sizeof(V)))
-      f(*reinterpret_cast<V*>(reinterpret_cast<char*>(a) + at), *reinterpret_cast<const V*>(reinterpret_cast<const char*>(b) + at));
+      f(*reinterpret_cast<V*>(reinterpret_cast<char*>(a) + at),
+        *reinterpret_cast<const V*>(reinterpret_cast<const char*>(b) + at));
   };
   visit(Whole{});
   visit(Half{});
@@ -358,7 +360,8 @@ CLEAVE_INLINE void prefetch_tiles(const char* tiles, std::uint64_t first, std::u
 // ------------------------------------------------------------------------------------------------- stages
 
 template <class T, int D>
-void particle_to_grid(const ParticleView& set, const BlockView& block, const StepView& step, void* scratch, BlockReport& report) {
+void particle_to_grid(const ParticleView& set, const BlockView& block, const StepView& step, void* scratch,
+                      BlockReport& report) {
   auto& s = *static_cast<Scratch<T, D>*>(scratch);
   using W = WeightRows<D>;
   constexpr int lanes = tile_lanes<T>;
@@ -371,8 +374,8 @@ void particle_to_grid(const ParticleView& set, const BlockView& block, const Ste
     const int end = t + chunk_tiles<T> < tiles ? t + chunk_tiles<T> : tiles;
     const std::uint64_t first = block.first_tile + t;
     const int count = int(block.count) - t * lanes < chunk_points ? int(block.count) - t * lanes : chunk_points;
-    prefetch_tiles(set.tiles, first + (end - t), first + (end - t) + (end + chunk_tiles<T> < tiles ? chunk_tiles<T> : tiles - end),
-                   set.stride);
+    prefetch_tiles(set.tiles, first + (end - t),
+                   first + (end - t) + (end + chunk_tiles<T> < tiles ? chunk_tiles<T> : tiles - end), set.stride);
     if (step.stress) evaluate<T, D>(set.elasticity, false, set, first, count, step.time_step, s, report);
     for (int k = 0; k < end - t; k++) {
       const char* tile = set.tiles + (first + k) * set.stride;
@@ -448,7 +451,8 @@ CLEAVE_INLINE void update_F(char* strain, const Tile<T> (&A)[D][D]) {
 }
 
 template <class T, int D>
-void grid_to_particle(const ParticleView& set, const BlockView& block, const StepView& step, void* scratch, BlockReport& report) {
+void grid_to_particle(const ParticleView& set, const BlockView& block, const StepView& step, void* scratch,
+                      BlockReport& report) {
   auto& s = *static_cast<Scratch<T, D>*>(scratch);
   using W = WeightRows<D>;
   constexpr int lanes = tile_lanes<T>;
@@ -467,10 +471,11 @@ void grid_to_particle(const ParticleView& set, const BlockView& block, const Ste
     const int end = t + chunk_tiles<T> < tiles ? t + chunk_tiles<T> : tiles;
     const std::uint64_t first = block.first_tile + t;
     const int count = int(block.count) - t * lanes < chunk_points ? int(block.count) - t * lanes : chunk_points;
-    prefetch_tiles(set.tiles, first + (end - t), first + (end - t) + (end + chunk_tiles<T> < tiles ? chunk_tiles<T> : tiles - end),
-                   set.stride);
+    prefetch_tiles(set.tiles, first + (end - t),
+                   first + (end - t) + (end + chunk_tiles<T> < tiles ? chunk_tiles<T> : tiles - end), set.stride);
     for (int k = 0; k < end - t; k++)
-      tile_weights<T, D, false>(set, set.tiles + (first + k) * set.stride, s.weights + k * (W::count * lanes), s.node + k * lanes);
+      tile_weights<T, D, false>(set, set.tiles + (first + k) * set.stride, s.weights + k * (W::count * lanes),
+                                s.node + k * lanes);
     gather_chunk<T, D>(s.gather_arena, s.weights, s.node, count, s.records);
     if (flip) gather_chunk<T, D>(s.before_arena, s.weights, s.node, count, s.before_records);
     for (int k = 0; k < end - t; k++) {
@@ -561,7 +566,7 @@ TransferKernels<T, D> table() {
 
 extern "C" __attribute__((visibility("default"))) const cleave::mpm::KernelSet* cleave_kernels() {
   using namespace cleave::mpm;
-  static const KernelSet set{CLEAVE_KERNEL_ISA, kernel::table<float, 2>(), kernel::table<float, 3>(), kernel::table<double, 2>(),
-                             kernel::table<double, 3>()};
+  static const KernelSet set{CLEAVE_KERNEL_ISA, kernel::table<float, 2>(), kernel::table<float, 3>(),
+                             kernel::table<double, 2>(), kernel::table<double, 3>()};
   return &set;
 }

@@ -31,8 +31,7 @@ extern "C" {
 #endif
 
 /* True if the struct behind `p` was written by someone who knew `member`. */
-#define CLEAVE_HAS(type, p, member) \
-  ((p)->struct_size >= (uint32_t)(offsetof(type, member) + sizeof(((const type*)0)->member)))
+#define CLEAVE_HAS(type, p, member) ((p)->struct_size >= (uint32_t)(offsetof(type, member) + sizeof(((const type*)0)->member)))
 
 /* ---------------------------------------------------------------- results and errors */
 
@@ -63,7 +62,7 @@ typedef struct cleave_message {
   char* text;                /* what went wrong and what would be right; UTF-8                                          */
   uint32_t subject_capacity; /* bytes, including the terminating zero                                                   */
   uint32_t reserved;
-  char* subject;             /* key of the parameter (or state variable) it is about; empty if none                     */
+  char* subject; /* key of the parameter (or state variable) it is about; empty if none                     */
 } cleave_message;
 
 /* ---------------------------------------------------------------- who is there */
@@ -93,23 +92,23 @@ typedef struct cleave_about {
 /* ---------------------------------------------------------------- parameters */
 
 enum cleave_type {
-  CLEAVE_TYPE_NUMBER = 0,      /* one finite double                                                                     */
-  CLEAVE_TYPE_INTEGER = 1,     /* one int64                                                                             */
+  CLEAVE_TYPE_NUMBER = 0,  /* one finite double                                                                     */
+  CLEAVE_TYPE_INTEGER = 1, /* one int64                                                                             */
   CLEAVE_TYPE_BOOLEAN = 2,
-  CLEAVE_TYPE_TEXT = 3,        /* one of `choices` if there are any                                                     */
-  CLEAVE_TYPE_NUMBER_LIST = 4  /* min_count..max_count finite doubles (a 3x3 matrix is nine, row-major)                 */
+  CLEAVE_TYPE_TEXT = 3,       /* one of `choices` if there are any                                                     */
+  CLEAVE_TYPE_NUMBER_LIST = 4 /* min_count..max_count finite doubles (a 3x3 matrix is nine, row-major)                 */
 };
 
 /* One parameter a scene may set. [ownership] static data of the plugin. Strings UTF-8, never null unless said. */
 typedef struct cleave_parameter_schema {
   uint32_t struct_size;
-  uint32_t type;           /* enum cleave_type                                                                          */
-  const char* key;         /* lower_case_with_underscores                                                               */
-  const char* unit;        /* SI: "Pa", "m", "s", "kg/m^3", "degrees", "1" if dimensionless, "" for text and booleans   */
-  const char* description; /* one line                                                                                  */
-  uint32_t required;       /* nonzero: the scene must give it. Zero: default_* applies                                  */
-  uint32_t in_set;         /* nonzero: belongs to an alternative set (see cleave_schema.alternatives)                   */
-  double default_number;   /* NUMBER; INTEGER and BOOLEAN as a number                                                   */
+  uint32_t type;            /* enum cleave_type                                                                          */
+  const char* key;          /* lower_case_with_underscores                                                               */
+  const char* unit;         /* SI: "Pa", "m", "s", "kg/m^3", "degrees", "1" if dimensionless, "" for text and booleans   */
+  const char* description;  /* one line                                                                                  */
+  uint32_t required;        /* nonzero: the scene must give it. Zero: default_* applies                                  */
+  uint32_t in_set;          /* nonzero: belongs to an alternative set (see cleave_schema.alternatives)                   */
+  double default_number;    /* NUMBER; INTEGER and BOOLEAN as a number                                                   */
   const char* default_text; /* TEXT; null otherwise                                                                     */
   const double* default_list;
   uint32_t default_count;
@@ -148,10 +147,10 @@ typedef struct cleave_parameters {
 /* ---------------------------------------------------------------- state variables */
 
 enum cleave_tensor { /* number of components */
-  CLEAVE_SCALAR = 1,
-  CLEAVE_VECTOR = 3,    /* x y z                                                                                        */
-  CLEAVE_SYMMETRIC = 6, /* xx yy zz xy xz yz                                                                            */
-  CLEAVE_MATRIX = 9     /* row-major                                                                                    */
+                     CLEAVE_SCALAR = 1,
+                     CLEAVE_VECTOR = 3,    /* x y z    */
+                     CLEAVE_SYMMETRIC = 6, /* xx yy zz xy xz yz */
+                     CLEAVE_MATRIX = 9     /* row-major     */
 };
 
 enum cleave_monotonicity { CLEAVE_FREE = 0, CLEAVE_NEVER_DECREASES = 1, CLEAVE_NEVER_INCREASES = 2 };
@@ -175,9 +174,9 @@ enum cleave_capability {
   CLEAVE_ACCEPTS_B = 1 << 0,
   CLEAVE_ACCEPTS_F = 1 << 1,
   CLEAVE_ISOTROPIC = 1 << 2,
-  CLEAVE_INVERSION_SAFE = 1 << 3,        /* finite, restoring stress for J <= 0                                         */
-  CLEAVE_NEEDS_FIBER = 1 << 4,           /* reads FIBER                                                                 */
-  CLEAVE_NEEDS_SECOND_FIBER = 1 << 5,    /* reads FIBER and SECOND_FIBER                                                */
+  CLEAVE_INVERSION_SAFE = 1 << 3,     /* finite, restoring stress for J <= 0                                         */
+  CLEAVE_NEEDS_FIBER = 1 << 4,        /* reads FIBER                                                                 */
+  CLEAVE_NEEDS_SECOND_FIBER = 1 << 5, /* reads FIBER and SECOND_FIBER                                                */
   /* what an elasticity law can compute beyond stress                                                                   */
   CLEAVE_HAS_ENERGY = 1 << 6,
   CLEAVE_HAS_TANGENT = 1 << 7,
@@ -187,10 +186,10 @@ enum cleave_capability {
   CLEAVE_NEEDS_ISOCHORIC_RESPONSE = 1 << 10, /* extension "cleave.isochoric-response/1"                                 */
   CLEAVE_NEEDS_TENSILE_ENERGY = 1 << 11,
   CLEAVE_NEEDS_EFFECTIVE_STRESS = 1 << 12,
-  CLEAVE_FLOW_IS_ISOCHORIC = 1 << 13,    /* plasticity: the return keeps det b                                          */
-  CLEAVE_DAMAGE_IS_LOCAL = 1 << 14,      /* damage: writes the new damage itself, no gradient term                      */
-  CLEAVE_SINGLE = 1 << 15,               /* offers f32 batches                                                          */
-  CLEAVE_DOUBLE = 1 << 16,               /* offers f64 batches                                                          */
+  CLEAVE_FLOW_IS_ISOCHORIC = 1 << 13,     /* plasticity: the return keeps det b                                          */
+  CLEAVE_DAMAGE_IS_LOCAL = 1 << 14,       /* damage: writes the new damage itself, no gradient term                      */
+  CLEAVE_SINGLE = 1 << 15,                /* offers f32 batches                                                          */
+  CLEAVE_DOUBLE = 1 << 16,                /* offers f64 batches                                                          */
   CLEAVE_HAS_ISOCHORIC_RESPONSE = 1 << 17 /* elasticity: offers extension "cleave.isochoric-response/1"                 */
 };
 
@@ -239,30 +238,30 @@ typedef struct cleave_schema {
  * b, tau, sigma are symmetric: xx yy zz xy xz yz. F, P are row-major. Always three-dimensional; a 2D scene is plane strain.
  * An output may occupy the memory of the input it replaces (F_OUT over F): read all inputs of a lane before writing. */
 enum cleave_field_id {
-  CLEAVE_FIELD_B = 0,              /* 6 in   left Cauchy-Green tensor b = F F^T of the elastic part                [1]   */
-  CLEAVE_FIELD_F = 1,              /* 9 in   deformation gradient of the elastic part                              [1]   */
-  CLEAVE_FIELD_DEGRADATION = 2,    /* 1 in   g in [0,1]; absent: 1                                                 [1]   */
-  CLEAVE_FIELD_FIBER = 3,          /* 3 in   first fibre direction, reference frame, unit                          [1]   */
-  CLEAVE_FIELD_SECOND_FIBER = 4,   /* 3 in   second one, orthogonal to the first, unit                             [1]   */
-  CLEAVE_FIELD_TAU = 5,            /* 6 out  Kirchhoff stress, degraded by g                                       [Pa]  */
-  CLEAVE_FIELD_ENERGY = 6,         /* 1 out  psi = g psi_plus + psi_minus + psi_fiber, per reference volume        [J/m^3] */
-  CLEAVE_FIELD_TENSILE_ENERGY = 7, /* 1 out  psi_plus, not degraded                                                [J/m^3] */
+  CLEAVE_FIELD_B = 0,                /* 6 in   left Cauchy-Green tensor b = F F^T of the elastic part                [1]   */
+  CLEAVE_FIELD_F = 1,                /* 9 in   deformation gradient of the elastic part                              [1]   */
+  CLEAVE_FIELD_DEGRADATION = 2,      /* 1 in   g in [0,1]; absent: 1                                                 [1]   */
+  CLEAVE_FIELD_FIBER = 3,            /* 3 in   first fibre direction, reference frame, unit                          [1]   */
+  CLEAVE_FIELD_SECOND_FIBER = 4,     /* 3 in   second one, orthogonal to the first, unit                             [1]   */
+  CLEAVE_FIELD_TAU = 5,              /* 6 out  Kirchhoff stress, degraded by g                                       [Pa]  */
+  CLEAVE_FIELD_ENERGY = 6,           /* 1 out  psi = g psi_plus + psi_minus + psi_fiber, per reference volume        [J/m^3] */
+  CLEAVE_FIELD_TENSILE_ENERGY = 7,   /* 1 out  psi_plus, not degraded                                                [J/m^3] */
   CLEAVE_FIELD_EFFECTIVE_STRESS = 8, /* 6 out Cauchy stress of the isotropic part, not degraded                    [Pa]  */
-  CLEAVE_FIELD_WAVE_MODULUS = 9,   /* 1 out  upper bound of rho_0 c^2, c the fastest wave through the current
-                                             configuration, not degraded                                          [Pa]  */
-  CLEAVE_FIELD_DELTA_F = 10,       /* 9 in   direction dF                                                          [1]   */
-  CLEAVE_FIELD_DELTA_P = 11,       /* 9 out  first Piola-Kirchhoff stress: directional derivative along dF         [Pa]  */
-  CLEAVE_FIELD_B_OUT = 12,         /* 6 out  b after the return                                                    [1]   */
-  CLEAVE_FIELD_F_OUT = 13,         /* 9 out  F after the return                                                    [1]   */
-  CLEAVE_FIELD_STATE = 14,         /* n in   state variables in the order of the schema, at the start of the step        */
-  CLEAVE_FIELD_STATE_OUT = 15,     /* n out  at its end                                                                  */
-  CLEAVE_FIELD_YIELDED = 16,       /* 1 out  1 where the return moved the point, else 0                            [1]   */
-  CLEAVE_FIELD_DAMAGE = 17,        /* 1 in   d in [0,1]                                                            [1]   */
-  CLEAVE_FIELD_DAMAGE_OUT = 18,    /* 1 out  only of laws with CLEAVE_DAMAGE_IS_LOCAL                              [1]   */
-  CLEAVE_FIELD_DRIVING_FORCE = 19, /* 1 out  D >= 0 of the damage evolution                                        [1]   */
+  CLEAVE_FIELD_WAVE_MODULUS = 9,     /* 1 out  upper bound of rho_0 c^2, c the fastest wave through the current
+                                               configuration, not degraded                                          [Pa]  */
+  CLEAVE_FIELD_DELTA_F = 10,         /* 9 in   direction dF                                                          [1]   */
+  CLEAVE_FIELD_DELTA_P = 11,         /* 9 out  first Piola-Kirchhoff stress: directional derivative along dF         [Pa]  */
+  CLEAVE_FIELD_B_OUT = 12,           /* 6 out  b after the return                                                    [1]   */
+  CLEAVE_FIELD_F_OUT = 13,           /* 9 out  F after the return                                                    [1]   */
+  CLEAVE_FIELD_STATE = 14,           /* n in   state variables in the order of the schema, at the start of the step        */
+  CLEAVE_FIELD_STATE_OUT = 15,       /* n out  at its end                                                                  */
+  CLEAVE_FIELD_YIELDED = 16,         /* 1 out  1 where the return moved the point, else 0                            [1]   */
+  CLEAVE_FIELD_DAMAGE = 17,          /* 1 in   d in [0,1]                                                            [1]   */
+  CLEAVE_FIELD_DAMAGE_OUT = 18,      /* 1 out  only of laws with CLEAVE_DAMAGE_IS_LOCAL                              [1]   */
+  CLEAVE_FIELD_DRIVING_FORCE = 19,   /* 1 out  D >= 0 of the damage evolution                                        [1]   */
   CLEAVE_FIELD_TENSILE_ENERGY_IN = 20,   /* 1 in  psi_plus as the elastic law gave it                              [J/m^3] */
   CLEAVE_FIELD_EFFECTIVE_STRESS_IN = 21, /* 6 in  effective stress as the elastic law gave it                      [Pa]  */
-  CLEAVE_FIELD_TOUGHNESS = 22,     /* 1 in   factor on the toughness of this point; absent: 1                      [1]   */
+  CLEAVE_FIELD_TOUGHNESS = 22, /* 1 in   factor on the toughness of this point; absent: 1                      [1]   */
   CLEAVE_FIELD_COUNT = 23
 };
 

@@ -40,7 +40,7 @@ enum cleave_pressure_law {
 
 typedef struct cleave_isochoric_response {
   uint32_t struct_size;
-  uint32_t pressure_law;    /* enum cleave_pressure_law                                                                 */
+  uint32_t pressure_law;     /* enum cleave_pressure_law                                                                 */
   double deviatoric_modulus; /* mu_d [Pa]                                                                               */
   double bulk_modulus;       /* kappa [Pa]                                                                              */
 } cleave_isochoric_response;

@@ -66,9 +66,9 @@ int main(int argc, char** argv) {
       rates.push_back(double(simulation->particles()) * steps / seconds * 1e-6);
     }
     std::sort(rates.begin(), rates.end());
-    fmt::print("{} {}D {} {} thread{} {} {} particles: median {:.1f} Mp/s, best {:.1f}; ns per particle and step:", law, dimension,
-               precision, threads, threads == 1 ? "" : "s", simulation->isa(), simulation->particles(), rates[rates.size() / 2],
-               rates.back());
+    fmt::print("{} {}D {} {} thread{} {} {} particles: median {:.1f} Mp/s, best {:.1f}; ns per particle and step:", law,
+               dimension, precision, threads, threads == 1 ? "" : "s", simulation->isa(), simulation->particles(),
+               rates[rates.size() / 2], rates.back());
     const auto stages = simulation->stage_seconds();
     for (std::size_t i = 0; i < stages.size(); i++)
       fmt::print(" {} {:.2f}", stages[i].first,

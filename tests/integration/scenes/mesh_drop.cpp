@@ -26,9 +26,10 @@ class MeshDrop : public Program {
 TEST_F(MeshDrop, BunnyFallsAndBounces) {
   const fs::path bunny = mesh("stanford-bunny.obj");
   if (!fs::exists(bunny)) GTEST_SKIP() << bunny << " is not there";
-  const Outcome run = cleave("run '" + scene + "' --out run --set body.0.shape.file='\"" + bunny.string() +
-                             "\"' --set simulation.cell_size=0.0155 --set simulation.end_time=0.7 --set simulation.frame_rate=10 "
-                             "--set 'collider.block.shape.center=[9,0,0]' --quiet");
+  const Outcome run =
+      cleave("run '" + scene + "' --out run --set body.0.shape.file='\"" + bunny.string() +
+             "\"' --set simulation.cell_size=0.0155 --set simulation.end_time=0.7 --set simulation.frame_rate=10 "
+             "--set 'collider.block.shape.center=[9,0,0]' --quiet");
   ASSERT_EQ(run.status, 0) << run.err;
   const auto summary = json(directory / "run/summary.json");
   EXPECT_GT(summary.get<int>("particles"), 150000);
@@ -37,9 +38,9 @@ TEST_F(MeshDrop, BunnyFallsAndBounces) {
   const auto frames = table(directory / "run/frames.csv");
   const auto kinetic = numbers(frames.at("kinetic_energy")), elastic = numbers(frames.at("elastic_energy")),
              gravity = numbers(frames.at("gravity_energy")), mass = numbers(frames.at("mass")),
-             volume = numbers(frames.at("volume")), pz = numbers(frames.at("momentum_z")), px = numbers(frames.at("momentum_x")),
-             height = numbers(frames.at("center_of_mass_z")), low = numbers(frames.at("minimum_J")),
-             high = numbers(frames.at("maximum_J"));
+             volume = numbers(frames.at("volume")), pz = numbers(frames.at("momentum_z")),
+             px = numbers(frames.at("momentum_x")), height = numbers(frames.at("center_of_mass_z")),
+             low = numbers(frames.at("minimum_J")), high = numbers(frames.at("maximum_J"));
   const double total = kinetic[0] + elastic[0] + gravity[0];
   double lowest_speed = 0, highest_speed = 0;
   for (std::size_t i = 0; i < kinetic.size(); i++) {
@@ -80,8 +81,8 @@ TEST_F(MeshDrop, BunnyFallsAndBounces) {
 TEST_F(MeshDrop, ArmadilloIsSampledAndSteps) {
   const fs::path armadillo = mesh("armadillo.obj");
   if (!fs::exists(armadillo)) GTEST_SKIP() << armadillo << " is not there";
-  const Outcome run = cleave("run '" + scene + "' --out run --set body.0.shape.file='\"" + armadillo.string() +
-                             "\"' --steps 20 --quiet");
+  const Outcome run =
+      cleave("run '" + scene + "' --out run --set body.0.shape.file='\"" + armadillo.string() + "\"' --steps 20 --quiet");
   ASSERT_EQ(run.status, 0) << run.err;
   EXPECT_GT(json(directory / "run/summary.json").get<int>("particles"), 5000);
 }

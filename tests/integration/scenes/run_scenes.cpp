@@ -99,7 +99,7 @@ TEST_F(Run, BadInputEndsWithStatusTwoAndThePlace) {
   write("scene.toml", std::string(small_scene) + "surfaces = true\n");
   const Outcome run = cleave("run scene.toml");
   EXPECT_EQ(run.status, 2);
-  EXPECT_NE(run.err.find("scene.toml:19:1: error: "), std::string::npos) << run.err;
+  EXPECT_NE(run.err.find("scene.toml:20:1: error: "), std::string::npos) << run.err;
   EXPECT_NE(run.err.find("did you mean 'surface'"), std::string::npos) << run.err;
   EXPECT_FALSE(fs::exists(directory / "out")) << "nothing is written for a scene that cannot run";
   EXPECT_EQ(cleave("run missing.toml").status, 2);

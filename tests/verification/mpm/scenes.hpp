@@ -4,6 +4,7 @@
 #include "mpm/simulation.hpp"
 #include "plugins/registry.hpp"
 
+#include <algorithm>
 #include <filesystem>
 #include <fstream>
 #include <iomanip>
@@ -40,11 +41,15 @@ struct Point {
   Matrix3 F = Matrix3::Identity();
 };
 
+/// Velocities are left to the body if no point has one.
 inline void write_particles(const std::filesystem::path& file, const std::vector<Point>& points) {
   std::ofstream out(file);
-  out << std::setprecision(17) << "x,y,z,vx,vy,vz,volume,F00,F01,F02,F10,F11,F12,F20,F21,F22\n";
+  const bool moving = std::any_of(points.begin(), points.end(), [](const Point& p) { return !p.v.isZero(); });
+  out << std::setprecision(17) << "x,y,z," << (moving ? "vx,vy,vz," : "") << "volume,F00,F01,F02,F10,F11,F12,F20,F21,F22\n";
   for (const auto& p : points) {
-    out << p.x[0] << ',' << p.x[1] << ',' << p.x[2] << ',' << p.v[0] << ',' << p.v[1] << ',' << p.v[2] << ',' << p.volume;
+    out << p.x[0] << ',' << p.x[1] << ',' << p.x[2] << ',';
+    if (moving) out << p.v[0] << ',' << p.v[1] << ',' << p.v[2] << ',';
+    out << p.volume;
     for (int i = 0; i < 9; i++) out << ',' << p.F(i / 3, i % 3);
     out << '\n';
   }
