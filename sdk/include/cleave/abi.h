@@ -39,30 +39,30 @@ extern "C" {
 typedef int32_t cleave_result;
 enum {
   CLEAVE_OK = 0,
-  CLEAVE_ERROR_ABI = 1,         /* the two sides share no version; from cleave_plugin_entry only                        */
-  CLEAVE_ERROR_PARAMETER = 2,   /* a parameter is refused; message.subject names it                                     */
-  CLEAVE_ERROR_UNSUPPORTED = 3, /* a combination this plugin does not offer; message.text says which                    */
-  CLEAVE_ERROR_INTERNAL = 4     /* the plugin cannot go on; the host stops the run and names the plugin                 */
+  CLEAVE_ERROR_ABI = 1,         /* the two sides share no version; from cleave_plugin_entry only */
+  CLEAVE_ERROR_PARAMETER = 2,   /* a parameter is refused; message.subject names it */
+  CLEAVE_ERROR_UNSUPPORTED = 3, /* a combination this plugin does not offer; message.text says which */
+  CLEAVE_ERROR_INTERNAL = 4     /* the plugin cannot go on; the host stops the run and names the plugin */
 };
 
 /* Status of one material point after a batch call. The host keeps the worst status seen for a point in a step. */
 typedef uint8_t cleave_status;
 enum {
   CLEAVE_STATUS_OK = 0,
-  CLEAVE_STATUS_UNRELIABLE = 1, /* outputs are finite but outside the law's validity (say, far beyond its data)         */
-  CLEAVE_STATUS_RETRY = 2,      /* no valid result for this step size; a smaller one may have one                       */
+  CLEAVE_STATUS_UNRELIABLE = 1, /* outputs are finite but outside the law's validity (say, far beyond its data) */
+  CLEAVE_STATUS_RETRY = 2,      /* no valid result for this step size; a smaller one may have one */
   CLEAVE_STATUS_FATAL = 3       /* no valid result (say J <= 0 in a law undefined there); outputs of this point are
-                                   unspecified and must not be used. The host stops and names the point                 */
+                                   unspecified and must not be used. The host stops and names the point */
 };
 
-/* Where a plugin writes words. [ownership] the caller owns the struct and both buffers; text is cut, never overrun.    */
+/* Where a plugin writes words. [ownership] the caller owns the struct and both buffers; text is cut, never overrun. */
 typedef struct cleave_message {
   uint32_t struct_size;
-  uint32_t text_capacity;    /* bytes, including the terminating zero                                                   */
-  char* text;                /* what went wrong and what would be right; UTF-8                                          */
-  uint32_t subject_capacity; /* bytes, including the terminating zero                                                   */
+  uint32_t text_capacity;    /* bytes, including the terminating zero */
+  char* text;                /* what went wrong and what would be right; UTF-8 */
+  uint32_t subject_capacity; /* bytes, including the terminating zero */
   uint32_t reserved;
-  char* subject; /* key of the parameter (or state variable) it is about; empty if none                     */
+  char* subject; /* key of the parameter (or state variable) it is about; empty if none */
 } cleave_message;
 
 /* ---------------------------------------------------------------- who is there */
@@ -74,51 +74,51 @@ typedef struct cleave_version {
 /* What the host says of itself. [ownership] host; lives as long as the plugin stays loaded. */
 typedef struct cleave_host {
   uint32_t struct_size;
-  cleave_version abi;  /* newest version the host speaks; it also speaks every older minor of this major                */
-  const char* name;    /* "cleave"                                                                                      */
-  const char* version; /* of the host, "1.0.0"                                                                          */
+  cleave_version abi;  /* newest version the host speaks; it also speaks every older minor of this major */
+  const char* name;    /* "cleave" */
+  const char* version; /* of the host, "1.0.0" */
 } cleave_host;
 
 /* What a plugin says of itself. [ownership] static data of the plugin. All strings UTF-8, none null. */
 typedef struct cleave_about {
   uint32_t struct_size;
-  const char* id;      /* "kind/name": lower case letters, digits and '-', stable for ever                              */
-  const char* version; /* of the plugin, "major.minor.patch"                                                            */
+  const char* id;      /* "kind/name": lower case letters, digits and '-', stable for ever */
+  const char* version; /* of the plugin, "major.minor.patch" */
   const char* author;
-  const char* summary; /* one line                                                                                      */
-  const char* source;  /* paper and equation the formulas are from                                                      */
+  const char* summary; /* one line */
+  const char* source;  /* paper and equation the formulas are from */
 } cleave_about;
 
 /* ---------------------------------------------------------------- parameters */
 
 enum cleave_type {
-  CLEAVE_TYPE_NUMBER = 0,  /* one finite double                                                                     */
-  CLEAVE_TYPE_INTEGER = 1, /* one int64                                                                             */
+  CLEAVE_TYPE_NUMBER = 0,  /* one finite double */
+  CLEAVE_TYPE_INTEGER = 1, /* one int64 */
   CLEAVE_TYPE_BOOLEAN = 2,
-  CLEAVE_TYPE_TEXT = 3,       /* one of `choices` if there are any                                                     */
-  CLEAVE_TYPE_NUMBER_LIST = 4 /* min_count..max_count finite doubles (a 3x3 matrix is nine, row-major)                 */
+  CLEAVE_TYPE_TEXT = 3,       /* one of `choices` if there are any */
+  CLEAVE_TYPE_NUMBER_LIST = 4 /* min_count..max_count finite doubles (a 3x3 matrix is nine, row-major) */
 };
 
 /* One parameter a scene may set. [ownership] static data of the plugin. Strings UTF-8, never null unless said. */
 typedef struct cleave_parameter_schema {
   uint32_t struct_size;
-  uint32_t type;            /* enum cleave_type                                                                          */
-  const char* key;          /* lower_case_with_underscores                                                               */
-  const char* unit;         /* SI: "Pa", "m", "s", "kg/m^3", "degrees", "1" if dimensionless, "" for text and booleans   */
-  const char* description;  /* one line                                                                                  */
-  uint32_t required;        /* nonzero: the scene must give it. Zero: default_* applies                                  */
-  uint32_t in_set;          /* nonzero: belongs to an alternative set (see cleave_schema.alternatives)                   */
-  double default_number;    /* NUMBER; INTEGER and BOOLEAN as a number                                                   */
-  const char* default_text; /* TEXT; null otherwise                                                                     */
+  uint32_t type;            /* enum cleave_type */
+  const char* key;          /* lower_case_with_underscores */
+  const char* unit;         /* SI: "Pa", "m", "s", "kg/m^3", "degrees", "1" if dimensionless, "" for text and booleans */
+  const char* description;  /* one line */
+  uint32_t required;        /* nonzero: the scene must give it. Zero: default_* applies */
+  uint32_t in_set;          /* nonzero: belongs to an alternative set (see cleave_schema.alternatives) */
+  double default_number;    /* NUMBER; INTEGER and BOOLEAN as a number */
+  const char* default_text; /* TEXT; null otherwise */
   const double* default_list;
   uint32_t default_count;
   uint32_t min_count, max_count;
-  /* Validity: outside, the formulas mean nothing and the host refuses the scene. Bounds apply to every element.        */
+  /* Validity: outside, the formulas mean nothing and the host refuses the scene. Bounds apply to every element. */
   double minimum, maximum;
-  uint32_t minimum_open, maximum_open; /* nonzero: the bound itself is refused                                          */
-  /* Physical: what materials are known to have, inside the validity bounds; outside, the host warns.                   */
+  uint32_t minimum_open, maximum_open; /* nonzero: the bound itself is refused */
+  /* Physical: what materials are known to have, inside the validity bounds; outside, the host warns. */
   double physical_minimum, physical_maximum;
-  const char* const* choices; /* TEXT: choice_count strings, or null for free text                                      */
+  const char* const* choices; /* TEXT: choice_count strings, or null for free text */
   uint32_t choice_count;
   uint32_t reserved;
 } cleave_parameter_schema;
@@ -128,9 +128,9 @@ typedef struct cleave_parameter {
   uint32_t struct_size;
   uint32_t type;
   const char* key;
-  uint32_t given; /* nonzero if the scene gave it, zero if it is the default                                            */
-  uint32_t count; /* LIST: number of elements                                                                           */
-  double number;  /* NUMBER; BOOLEAN as 0 or 1                                                                          */
+  uint32_t given; /* nonzero if the scene gave it, zero if it is the default */
+  uint32_t count; /* LIST: number of elements */
+  double number;  /* NUMBER; BOOLEAN as 0 or 1 */
   int64_t integer;
   const char* text;
   const double* list;
@@ -148,9 +148,9 @@ typedef struct cleave_parameters {
 
 enum cleave_tensor { /* number of components */
                      CLEAVE_SCALAR = 1,
-                     CLEAVE_VECTOR = 3,    /* x y z    */
+                     CLEAVE_VECTOR = 3,    /* x y z */
                      CLEAVE_SYMMETRIC = 6, /* xx yy zz xy xz yz */
-                     CLEAVE_MATRIX = 9     /* row-major     */
+                     CLEAVE_MATRIX = 9     /* row-major */
 };
 
 enum cleave_monotonicity { CLEAVE_FREE = 0, CLEAVE_NEVER_DECREASES = 1, CLEAVE_NEVER_INCREASES = 2 };
@@ -158,39 +158,39 @@ enum cleave_monotonicity { CLEAVE_FREE = 0, CLEAVE_NEVER_DECREASES = 1, CLEAVE_N
 /* One state variable the host stores per point. [ownership] static data of the plugin. */
 typedef struct cleave_state_schema {
   uint32_t struct_size;
-  uint32_t tensor; /* enum cleave_tensor                                                                                */
+  uint32_t tensor; /* enum cleave_tensor */
   const char* name;
   const char* unit;
   const char* description;
   uint32_t monotonicity;
   uint32_t reserved;
-  double initial[9]; /* unless the plugin offers initial_state()                                                        */
+  double initial[9]; /* unless the plugin offers initial_state() */
 } cleave_state_schema;
 
 /* ---------------------------------------------------------------- capabilities */
 
 enum cleave_capability {
-  /* strain measure: a law that sets ACCEPTS_B works on b = F F^T alone, and the host may store b in place of F         */
+  /* strain measure: a law that sets ACCEPTS_B works on b = F F^T alone, and the host may store b in place of F */
   CLEAVE_ACCEPTS_B = 1 << 0,
   CLEAVE_ACCEPTS_F = 1 << 1,
   CLEAVE_ISOTROPIC = 1 << 2,
-  CLEAVE_INVERSION_SAFE = 1 << 3,     /* finite, restoring stress for J <= 0                                         */
-  CLEAVE_NEEDS_FIBER = 1 << 4,        /* reads FIBER                                                                 */
-  CLEAVE_NEEDS_SECOND_FIBER = 1 << 5, /* reads FIBER and SECOND_FIBER                                                */
-  /* what an elasticity law can compute beyond stress                                                                   */
+  CLEAVE_INVERSION_SAFE = 1 << 3,     /* finite, restoring stress for J <= 0 */
+  CLEAVE_NEEDS_FIBER = 1 << 4,        /* reads FIBER */
+  CLEAVE_NEEDS_SECOND_FIBER = 1 << 5, /* reads FIBER and SECOND_FIBER */
+  /* what an elasticity law can compute beyond stress */
   CLEAVE_HAS_ENERGY = 1 << 6,
   CLEAVE_HAS_TANGENT = 1 << 7,
   CLEAVE_HAS_WAVE_MODULUS = 1 << 8,
   CLEAVE_HAS_EFFECTIVE_STRESS = 1 << 9,
-  /* what other laws need from the elastic law of the same material                                                     */
-  CLEAVE_NEEDS_ISOCHORIC_RESPONSE = 1 << 10, /* extension "cleave.isochoric-response/1"                                 */
+  /* what other laws need from the elastic law of the same material */
+  CLEAVE_NEEDS_ISOCHORIC_RESPONSE = 1 << 10, /* extension "cleave.isochoric-response/1" */
   CLEAVE_NEEDS_TENSILE_ENERGY = 1 << 11,
   CLEAVE_NEEDS_EFFECTIVE_STRESS = 1 << 12,
-  CLEAVE_FLOW_IS_ISOCHORIC = 1 << 13,     /* plasticity: the return keeps det b                                          */
-  CLEAVE_DAMAGE_IS_LOCAL = 1 << 14,       /* damage: writes the new damage itself, no gradient term                      */
-  CLEAVE_SINGLE = 1 << 15,                /* offers f32 batches                                                          */
-  CLEAVE_DOUBLE = 1 << 16,                /* offers f64 batches                                                          */
-  CLEAVE_HAS_ISOCHORIC_RESPONSE = 1 << 17 /* elasticity: offers extension "cleave.isochoric-response/1"                 */
+  CLEAVE_FLOW_IS_ISOCHORIC = 1 << 13,     /* plasticity: the return keeps det b */
+  CLEAVE_DAMAGE_IS_LOCAL = 1 << 14,       /* damage: writes the new damage itself, no gradient term */
+  CLEAVE_SINGLE = 1 << 15,                /* offers f32 batches */
+  CLEAVE_DOUBLE = 1 << 16,                /* offers f64 batches */
+  CLEAVE_HAS_ISOCHORIC_RESPONSE = 1 << 17 /* elasticity: offers extension "cleave.isochoric-response/1" */
 };
 
 /* Keys of which one whole set has to be given: each entry of `sets` is a space-separated list of keys, for example
@@ -213,7 +213,7 @@ typedef struct cleave_schema {
   uint32_t alternatives_count;
   const cleave_state_schema* const* states;
   const cleave_alternatives* const* alternatives;
-  uint64_t capabilities; /* union of enum cleave_capability                                                             */
+  uint64_t capabilities; /* union of enum cleave_capability */
 } cleave_schema;
 
 /* ---------------------------------------------------------------- batches of material points */
@@ -238,40 +238,40 @@ typedef struct cleave_schema {
  * b, tau, sigma are symmetric: xx yy zz xy xz yz. F, P are row-major. Always three-dimensional; a 2D scene is plane strain.
  * An output may occupy the memory of the input it replaces (F_OUT over F): read all inputs of a lane before writing. */
 enum cleave_field_id {
-  CLEAVE_FIELD_B = 0,                /* 6 in   left Cauchy-Green tensor b = F F^T of the elastic part                [1]   */
-  CLEAVE_FIELD_F = 1,                /* 9 in   deformation gradient of the elastic part                              [1]   */
-  CLEAVE_FIELD_DEGRADATION = 2,      /* 1 in   g in [0,1]; absent: 1                                                 [1]   */
-  CLEAVE_FIELD_FIBER = 3,            /* 3 in   first fibre direction, reference frame, unit                          [1]   */
-  CLEAVE_FIELD_SECOND_FIBER = 4,     /* 3 in   second one, orthogonal to the first, unit                             [1]   */
-  CLEAVE_FIELD_TAU = 5,              /* 6 out  Kirchhoff stress, degraded by g                                       [Pa]  */
+  CLEAVE_FIELD_B = 0,                /* 6 in   left Cauchy-Green tensor b = F F^T of the elastic part                [1] */
+  CLEAVE_FIELD_F = 1,                /* 9 in   deformation gradient of the elastic part                              [1] */
+  CLEAVE_FIELD_DEGRADATION = 2,      /* 1 in   g in [0,1]; absent: 1                                                 [1] */
+  CLEAVE_FIELD_FIBER = 3,            /* 3 in   first fibre direction, reference frame, unit                          [1] */
+  CLEAVE_FIELD_SECOND_FIBER = 4,     /* 3 in   second one, orthogonal to the first, unit                             [1] */
+  CLEAVE_FIELD_TAU = 5,              /* 6 out  Kirchhoff stress, degraded by g                                       [Pa] */
   CLEAVE_FIELD_ENERGY = 6,           /* 1 out  psi = g psi_plus + psi_minus + psi_fiber, per reference volume        [J/m^3] */
   CLEAVE_FIELD_TENSILE_ENERGY = 7,   /* 1 out  psi_plus, not degraded                                                [J/m^3] */
-  CLEAVE_FIELD_EFFECTIVE_STRESS = 8, /* 6 out Cauchy stress of the isotropic part, not degraded                    [Pa]  */
+  CLEAVE_FIELD_EFFECTIVE_STRESS = 8, /* 6 out Cauchy stress of the isotropic part, not degraded                    [Pa] */
   CLEAVE_FIELD_WAVE_MODULUS = 9,     /* 1 out  upper bound of rho_0 c^2, c the fastest wave through the current
-                                               configuration, not degraded                                          [Pa]  */
-  CLEAVE_FIELD_DELTA_F = 10,         /* 9 in   direction dF                                                          [1]   */
-  CLEAVE_FIELD_DELTA_P = 11,         /* 9 out  first Piola-Kirchhoff stress: directional derivative along dF         [Pa]  */
-  CLEAVE_FIELD_B_OUT = 12,           /* 6 out  b after the return                                                    [1]   */
-  CLEAVE_FIELD_F_OUT = 13,           /* 9 out  F after the return                                                    [1]   */
-  CLEAVE_FIELD_STATE = 14,           /* n in   state variables in the order of the schema, at the start of the step        */
-  CLEAVE_FIELD_STATE_OUT = 15,       /* n out  at its end                                                                  */
-  CLEAVE_FIELD_YIELDED = 16,         /* 1 out  1 where the return moved the point, else 0                            [1]   */
-  CLEAVE_FIELD_DAMAGE = 17,          /* 1 in   d in [0,1]                                                            [1]   */
-  CLEAVE_FIELD_DAMAGE_OUT = 18,      /* 1 out  only of laws with CLEAVE_DAMAGE_IS_LOCAL                              [1]   */
-  CLEAVE_FIELD_DRIVING_FORCE = 19,   /* 1 out  D >= 0 of the damage evolution                                        [1]   */
+                                               configuration, not degraded                                          [Pa] */
+  CLEAVE_FIELD_DELTA_F = 10,         /* 9 in   direction dF                                                          [1] */
+  CLEAVE_FIELD_DELTA_P = 11,         /* 9 out  first Piola-Kirchhoff stress: directional derivative along dF         [Pa] */
+  CLEAVE_FIELD_B_OUT = 12,           /* 6 out  b after the return                                                    [1] */
+  CLEAVE_FIELD_F_OUT = 13,           /* 9 out  F after the return                                                    [1] */
+  CLEAVE_FIELD_STATE = 14,           /* n in   state variables in the order of the schema, at the start of the step */
+  CLEAVE_FIELD_STATE_OUT = 15,       /* n out  at its end */
+  CLEAVE_FIELD_YIELDED = 16,         /* 1 out  1 where the return moved the point, else 0                            [1] */
+  CLEAVE_FIELD_DAMAGE = 17,          /* 1 in   d in [0,1]                                                            [1] */
+  CLEAVE_FIELD_DAMAGE_OUT = 18,      /* 1 out  only of laws with CLEAVE_DAMAGE_IS_LOCAL                              [1] */
+  CLEAVE_FIELD_DRIVING_FORCE = 19,   /* 1 out  D >= 0 of the damage evolution                                        [1] */
   CLEAVE_FIELD_TENSILE_ENERGY_IN = 20,   /* 1 in  psi_plus as the elastic law gave it                              [J/m^3] */
-  CLEAVE_FIELD_EFFECTIVE_STRESS_IN = 21, /* 6 in  effective stress as the elastic law gave it                      [Pa]  */
-  CLEAVE_FIELD_TOUGHNESS = 22, /* 1 in   factor on the toughness of this point; absent: 1                      [1]   */
+  CLEAVE_FIELD_EFFECTIVE_STRESS_IN = 21, /* 6 in  effective stress as the elastic law gave it                      [Pa] */
+  CLEAVE_FIELD_TOUGHNESS = 22,           /* 1 in   factor on the toughness of this point; absent: 1                      [1] */
   CLEAVE_FIELD_COUNT = 23
 };
 
 typedef struct cleave_component {
   uint32_t stream;
-  uint32_t offset; /* bytes inside a tile, a multiple of CLEAVE_TILE_BYTES                                              */
+  uint32_t offset; /* bytes inside a tile, a multiple of CLEAVE_TILE_BYTES */
 } cleave_component;
 
 typedef struct cleave_field {
-  uint16_t first, count; /* components[first .. first+count); count 0: absent                                           */
+  uint16_t first, count; /* components[first .. first+count); count 0: absent */
 } cleave_field;
 
 /* Where everything lives. Built once per material and purpose; a call only brings new stream pointers.
@@ -294,9 +294,9 @@ typedef struct cleave_batch {
   uint32_t count;
   const cleave_layout* layout;
   void* streams[CLEAVE_MAX_STREAMS];
-  double time_step; /* s; 0 when no time passes                                                                         */
+  double time_step; /* s; 0 when no time passes */
   cleave_status* status;
-  cleave_message* message; /* may be null                                                                               */
+  cleave_message* message; /* may be null */
 } cleave_batch;
 
 /* ---------------------------------------------------------------- instances */
@@ -309,16 +309,16 @@ struct cleave_isochoric_response;
 /* What a law may know of its surroundings. [ownership] host; valid during create() only. */
 typedef struct cleave_context {
   uint32_t struct_size;
-  uint32_t dimension; /* 2 (plane strain) or 3                                                                          */
-  double cell_size;   /* m; 0 where there is no grid                                                                    */
-  double density;     /* kg/m^3 at rest; 0 where none is known                                                          */
-  const struct cleave_isochoric_response* isochoric; /* of the elastic law; null if it offers none                      */
+  uint32_t dimension;                                /* 2 (plane strain) or 3 */
+  double cell_size;                                  /* m; 0 where there is no grid */
+  double density;                                    /* kg/m^3 at rest; 0 where none is known */
+  const struct cleave_isochoric_response* isochoric; /* of the elastic law; null if it offers none */
 } cleave_context;
 
 /* What the plugin offers. [ownership] static data of the plugin, lives as long as the library is loaded. */
 typedef struct cleave_plugin {
   uint32_t struct_size;
-  cleave_version abi; /* what the plugin will speak in this process; at most the host's                                 */
+  cleave_version abi; /* what the plugin will speak in this process; at most the host's */
   const cleave_about* about;
   const cleave_schema* schema;
 

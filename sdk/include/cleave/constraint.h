@@ -19,30 +19,30 @@ extern "C" {
 /* [ownership] host; valid during the call. Node arrays have node_count rows, particle arrays particle_count rows. */
 typedef struct cleave_constraint_system {
   uint32_t struct_size;
-  uint32_t dimension; /* d = 2 or 3                                                                                     */
-  double cell_size;   /* m                                                                                              */
-  double time_step;   /* s                                                                                              */
+  uint32_t dimension; /* d = 2 or 3 */
+  double cell_size;   /* m */
+  double time_step;   /* s */
   uint64_t node_count;
-  const double* mass;              /* kg, > 0                                                                           */
-  double* velocity;                /* m/s, d per node: in v*, out the projected velocity                                */
-  const int32_t* node_cell;        /* integer coordinates, d per node; position = cell_size * coordinate                */
-  const uint8_t* prescribed;       /* 0 free; 1 velocity fixed; 2 fixed along `normal`                                  */
-  const double* normal;            /* d per node, unit where prescribed is 2; null if no node has it                    */
-  uint64_t particle_count;         /* particles of materials that use this constraint                                   */
-  const double* position;          /* in cells, d per particle                                                          */
-  const double* volume;            /* current volume, m^3                                                               */
-  const double* deformation;       /* F, 9 per particle, row-major                                                      */
-  const double* fiber;             /* reference direction, 3 per particle; null if not declared                         */
-  const double* velocity_gradient; /* d x d per particle, row-major [1/s]                                               */
-  const uint64_t* nodes;           /* 3^d node rows per particle, last axis fastest, the quadratic stencil              */
+  const double* mass;              /* kg, > 0 */
+  double* velocity;                /* m/s, d per node: in v*, out the projected velocity */
+  const int32_t* node_cell;        /* integer coordinates, d per node; position = cell_size * coordinate */
+  const uint8_t* prescribed;       /* 0 free; 1 velocity fixed; 2 fixed along `normal` */
+  const double* normal;            /* d per node, unit where prescribed is 2; null if no node has it */
+  uint64_t particle_count;         /* particles of materials that use this constraint */
+  const double* position;          /* in cells, d per particle */
+  const double* volume;            /* current volume, m^3 */
+  const double* deformation;       /* F, 9 per particle, row-major */
+  const double* fiber;             /* reference direction, 3 per particle; null if not declared */
+  const double* velocity_gradient; /* d x d per particle, row-major [1/s] */
+  const uint64_t* nodes;           /* 3^d node rows per particle, last axis fastest, the quadratic stencil */
 } cleave_constraint_system;
 
 /* [ownership] caller; written by the plugin. */
 typedef struct cleave_constraint_report {
   uint32_t struct_size;
   uint32_t iterations;
-  double residual; /* |B v - c| relative to |B v* - c|                                                                  */
-  uint64_t rows;   /* of B                                                                                              */
+  double residual; /* |B v - c| relative to |B v* - c| */
+  uint64_t rows;   /* of B */
 } cleave_constraint_report;
 
 typedef struct cleave_constraint {

@@ -23,10 +23,10 @@ enum cleave_integration { CLEAVE_INTEGRATION_IMPLICIT = 0, CLEAVE_INTEGRATION_EX
 
 typedef struct cleave_damage_model {
   uint32_t struct_size;
-  uint32_t integration; /* enum cleave_integration: what the scene (or the law's default) asks for                      */
-  double viscosity;     /* eta [s]                                                                                      */
-  double length;        /* l [m]; 0 for a local law                                                                     */
-  double residual;      /* r in [0,1)                                                                                   */
+  uint32_t integration; /* enum cleave_integration: what the scene (or the law's default) asks for */
+  double viscosity;     /* eta [s] */
+  double length;        /* l [m]; 0 for a local law */
+  double residual;      /* r in [0,1) */
 } cleave_damage_model;
 
 typedef struct cleave_damage {

@@ -18,16 +18,16 @@ typedef struct cleave_body {
   uint32_t struct_size;
   uint32_t dimension;
   const char* name;
-  double density; /* kg/m^3                                                                                  */
-  double spacing; /* mean distance of points, m                                                              */
+  double density; /* kg/m^3 */
+  double spacing; /* mean distance of points, m */
   uint64_t point_count;
-  const double* position; /* m, 3 per point                                                                          */
-  const double* velocity; /* m/s, 3 per point                                                                        */
-  const double* volume;   /* m^3, 1 per point                                                                        */
-  uint64_t vertex_count;  /* 0 if the body has no mesh                                                               */
-  const double* vertices; /* m, 3 per vertex                                                                         */
+  const double* position; /* m, 3 per point */
+  const double* velocity; /* m/s, 3 per point */
+  const double* volume;   /* m^3, 1 per point */
+  uint64_t vertex_count;  /* 0 if the body has no mesh */
+  const double* vertices; /* m, 3 per vertex */
   uint64_t tetrahedron_count;
-  const uint32_t* tetrahedra; /* 4 vertices each; the points are then the barycentres, in this order                    */
+  const uint32_t* tetrahedra; /* 4 vertices each; the points are then the barycentres, in this order */
 } cleave_body;
 
 /* How the plugin asks the host about the surroundings during step(). [ownership] host; valid during step(). */
@@ -46,8 +46,8 @@ typedef struct cleave_surroundings {
 /* A per-point quantity the plugin exposes. [ownership] plugin; valid until the next step() or destroy(). */
 typedef struct cleave_point_field {
   uint32_t struct_size;
-  uint32_t components; /* 1, 3 or 9                                                                                     */
-  const char* name;    /* "position" and "velocity" are always there; "damage" if there is any                          */
+  uint32_t components; /* 1, 3 or 9 */
+  const char* name;    /* "position" and "velocity" are always there; "damage" if there is any */
   const char* unit;
   const double* values;
 } cleave_point_field;

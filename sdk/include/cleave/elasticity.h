@@ -33,16 +33,16 @@ typedef struct cleave_elasticity {
 #define CLEAVE_EXTENSION_ISOCHORIC_RESPONSE "cleave.isochoric-response/1"
 
 enum cleave_pressure_law {
-  CLEAVE_PRESSURE_QUADRATIC = 0,  /* p = -kappa/2 (J^2 - 1),   J = sqrt(1 - 2 p/kappa)                                  */
-  CLEAVE_PRESSURE_LINEAR = 1,     /* p = -kappa J (J - 1)                                                               */
-  CLEAVE_PRESSURE_LOGARITHMIC = 2 /* p = -kappa ln J,          J = exp(-p/kappa)                                        */
+  CLEAVE_PRESSURE_QUADRATIC = 0,  /* p = -kappa/2 (J^2 - 1),   J = sqrt(1 - 2 p/kappa) */
+  CLEAVE_PRESSURE_LINEAR = 1,     /* p = -kappa J (J - 1) */
+  CLEAVE_PRESSURE_LOGARITHMIC = 2 /* p = -kappa ln J,          J = exp(-p/kappa) */
 };
 
 typedef struct cleave_isochoric_response {
   uint32_t struct_size;
-  uint32_t pressure_law;     /* enum cleave_pressure_law                                                                 */
-  double deviatoric_modulus; /* mu_d [Pa]                                                                               */
-  double bulk_modulus;       /* kappa [Pa]                                                                              */
+  uint32_t pressure_law;     /* enum cleave_pressure_law */
+  double deviatoric_modulus; /* mu_d [Pa] */
+  double bulk_modulus;       /* kappa [Pa] */
 } cleave_isochoric_response;
 
 typedef struct cleave_isochoric_response_extension {
