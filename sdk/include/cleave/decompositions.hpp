@@ -147,7 +147,7 @@ CLEAVE_INLINE void swap_columns_if(const mask_of<T>& m, Matrix3<T>& a, int p, in
 
 /// Cyclic Jacobi rotations, which converge for every symmetric matrix, faster than quadratically at the end.
 template <class T>
-CLEAVE_INLINE SymmetricEigen<T> symmetric_eigen(const Symmetric3<T>& A) {
+CLEAVE_OUT_OF_LINE SymmetricEigen<T> symmetric_eigen(const Symmetric3<T>& A) {
   T largest = abs(A[0]);
   for (int k = 1; k < 6; ++k) largest = max(largest, abs(A[k]));
   const T scale = detail::binade(largest);
