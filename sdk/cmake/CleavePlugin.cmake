@@ -19,10 +19,14 @@ function(_cleave_plugin_library target isa directory)
   if(TARGET cleave_warnings)
     target_link_libraries(${target} PRIVATE cleave_warnings)
   endif()
+  set(optimization -O3)
+  if(CLEAVE_SANITIZE)
+    set(optimization -O1)
+  endif()
   # Formulas neither read errno nor floating-point exceptions; without these flags branches cannot become selects.
-  # Unoptimised lanes are a hundred times slower, so a debug build optimises a little.
+  # Unoptimised lanes are a hundred times slower, so debug and sanitizer builds optimise a little.
   target_compile_options(${target} PRIVATE
-    $<IF:$<CONFIG:Debug>,-O1,-O3> -fno-math-errno -fno-trapping-math
+    $<IF:$<CONFIG:Debug>,-O1,${optimization}> -fno-math-errno -fno-trapping-math
     $<$<BOOL:${isa}>:-march=${isa}> $<$<STREQUAL:${isa},x86-64-v4>:-mprefer-vector-width=512>)
   # The map keeps instantiations of the standard library local as well: nothing is shared between plugins, and no unique
   # symbol pins the library in memory after it was closed.

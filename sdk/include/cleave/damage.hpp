@@ -127,7 +127,7 @@ struct DamageBatch {
     return point;
   }
 
-  [[gnu::flatten, gnu::noinline]] void drive() const {
+  [[gnu::noinline]] CLEAVE_FLATTEN void drive() const {
     batch.for_each_chunk([&](const Chunk<S>& chunk) {
       const Point point = load(chunk);
       const std::array<T, n> before = load_state<T, n>(chunk, state);

@@ -324,21 +324,21 @@ struct ElasticBatch {
       with_strain(std::false_type{});
   }
 
-  [[gnu::flatten, gnu::noinline]] void stress(const cleave_component* output) const {
+  [[gnu::noinline]] CLEAVE_FLATTEN void stress(const cleave_component* output) const {
     pass<true>(output,
                [this](const Point& p, const T& g) { return Formulas::template kirchhoff<T>(law, p.strain, g, p.fibers); });
   }
-  [[gnu::flatten, gnu::noinline]] void energy(const cleave_component* output) const {
+  [[gnu::noinline]] CLEAVE_FLATTEN void energy(const cleave_component* output) const {
     pass<true>(output, [this](const Point& p, const T& g) {
       const EnergySplit<T> psi = Formulas::template energy<T>(law, p.strain, p.fibers);
       return g * psi.tension + psi.compression + psi.fiber;
     });
   }
-  [[gnu::flatten, gnu::noinline]] void tensile_energy(const cleave_component* output) const {
+  [[gnu::noinline]] CLEAVE_FLATTEN void tensile_energy(const cleave_component* output) const {
     pass<false>(output,
                 [this](const Point& p, const T&) { return Formulas::template energy<T>(law, p.strain, p.fibers).tension; });
   }
-  [[gnu::flatten, gnu::noinline]] void effective_stress(const cleave_component* output) const {
+  [[gnu::noinline]] CLEAVE_FLATTEN void effective_stress(const cleave_component* output) const {
     pass<false>(output,
                 [this](const Point& p, const T&) { return Formulas::template effective_cauchy<T>(law, p.strain, p.fibers); });
   }

@@ -18,7 +18,15 @@
 #include <immintrin.h>
 #endif
 
+/// CLEAVE_INLINE: always inlined, so that lanes stay in registers. CLEAVE_FLATTEN: a function into which all calls are inlined.
+/// Not under a sanitizer, whose instrumentation of functions of that size takes compilers many minutes.
+#if defined(__SANITIZE_ADDRESS__) || defined(__SANITIZE_THREAD__)
+#define CLEAVE_INLINE inline
+#define CLEAVE_FLATTEN
+#else
 #define CLEAVE_INLINE __attribute__((always_inline)) inline
+#define CLEAVE_FLATTEN __attribute__((flatten))
+#endif
 
 #if defined(__AVX512F__) && defined(__AVX512VL__) && defined(__AVX512DQ__)
 #define CLEAVE_LANE_BYTES 64

@@ -74,7 +74,7 @@ struct PlasticBatch {
         yielded(batch.field(CLEAVE_FIELD_YIELDED)) {}
 
   template <bool from_b>
-  [[gnu::flatten, gnu::noinline]] void map(const cleave_component* in, const cleave_component* out) const {
+  [[gnu::noinline]] CLEAVE_FLATTEN void map(const cleave_component* in, const cleave_component* out) const {
     batch.for_each_chunk([&](const Chunk<S>& chunk) {
       // Everything is read before anything is written: outputs may lie on the inputs they replace.
       std::conditional_t<from_b, Symmetric3<T>, Matrix3<T>> given;

@@ -150,7 +150,8 @@ TEST(State, StartsAsTheInstanceWants) {
 }
 
 TEST(State, IsDescribedWithTensorUnitAndMonotonicity) {
-  const auto& description = radial_return({}).description();
+  const Instance law = radial_return({});
+  const auto& description = law.description();
   ASSERT_EQ(description.states.size(), 2u);
   EXPECT_EQ(description.states[0].monotonicity, CLEAVE_NEVER_DECREASES);
   EXPECT_EQ(description.states[1].tensor, CLEAVE_VECTOR);
