@@ -144,6 +144,13 @@ std::string Registry::unknown_id(std::string_view id) const {
     if (!found.refusal.empty() && (stem == name_part || (found.description && found.description->id == id)))
       return message + ": " + found.path.string() + " " + found.refusal;
   }
+  if (id.find('/') == std::string_view::npos) {
+    // The kind was left out.
+    std::vector<std::string> names;
+    for (const auto& other : known) names.push_back(other.substr(other.find('/') + 1));
+    if (const auto meant = nearest(id, names))
+      return message + ", did you mean \"" + known[std::find(names.begin(), names.end(), *meant) - names.begin()] + "\"?";
+  }
   if (const auto meant = nearest(id, known)) return message + ", did you mean \"" + *meant + "\"?";
   const auto kind = id.substr(0, id.find('/'));
   std::string listed;

@@ -228,6 +228,12 @@ TEST_F(PluginDirectory, UnknownIdSuggestsTheNearest) {
   EXPECT_THAT(error_of([&] { registry.load("elasticity/enrgy-only"); }), HasSubstr("did you mean \"elasticity/energy-only\"?"));
 }
 
+TEST_F(PluginDirectory, IdWithoutItsKindSuggestsTheWholeId) {
+  add_sound("energy_only");
+  Registry registry({directory_});
+  EXPECT_THAT(error_of([&] { registry.load("energy-only"); }), HasSubstr("did you mean \"elasticity/energy-only\"?"));
+}
+
 TEST_F(PluginDirectory, UnknownIdNamesTheRefusedFileOfThatName) {
   add_broken("wrong_major");
   Registry registry({directory_});
