@@ -20,7 +20,10 @@ int main(int argc, char** argv) {
   CLI::App cli{"Cleave simulates solids that tear, shatter and split, with every material law a plugin."};
   cli.set_version_flag("--version", std::string("cleave ") + CLEAVE_VERSION);
   cli.require_subcommand(1);
-  cli.failure_message(CLI::FailureMessage::help);
+  cli.failure_message([](const CLI::App* app, const CLI::Error& error) {
+    if (error.get_name() == "RequiredError" && app->get_subcommands().empty()) return app->help();
+    return std::string("error: ") + error.what() + "\nsee cleave --help and cleave COMMAND --help\n";
+  });
 
   int status = 0;
   const auto registry = [] { return plugins::Registry(plugins::Registry::default_search_path()); };
@@ -29,9 +32,9 @@ int main(int argc, char** argv) {
   auto* run_cli = cli.add_subcommand("run", "Simulate a scene");
   run_cli->add_option("scene", run.scene, "Scene file (TOML)")->required();
   run_cli->add_option("--out", run.out, "Directory for the results (default: out/<scene name>)");
-  run_cli->add_option("--threads", run.threads, "Number of threads (default: all)")->check(CLI::PositiveNumber);
-  run_cli->add_option("--frames", run.frames, "Stop after this many frames")->check(CLI::NonNegativeNumber);
-  run_cli->add_option("--steps", run.steps, "Stop after this many steps")->check(CLI::NonNegativeNumber);
+  run_cli->add_option("--threads", run.threads, "Number of threads (default: all)")->check(CLI::Range(1, 1024));
+  run_cli->add_option("--frames", run.frames, "Stop after this many frames")->check(CLI::Range(0, 2000000000));
+  run_cli->add_option("--steps", run.steps, "Stop after this many steps")->check(CLI::Range(0, 2000000000));
   run_cli->add_option("--set", run.sets, "Change a value of the scene: path=value (repeatable)")->allow_extra_args(false);
   run_cli->add_flag("--quiet", run.quiet, "Print nothing but errors");
   run_cli->callback([&] {

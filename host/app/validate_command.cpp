@@ -2,6 +2,7 @@
 
 #include "common/error.hpp"
 #include "config/scene.hpp"
+#include "mpm/material.hpp"
 
 #include <fmt/format.h>
 
@@ -123,6 +124,8 @@ int validate_command(const std::filesystem::path& file, const std::vector<std::s
     for (const std::string& set : sets) overrides.push_back(config::parse_override(set));
     scene = config::load_scene(file, overrides, registry, &warnings);
     estimated = estimate(*scene);
+    const auto unsupported = mpm::unsupported(*scene, registry);
+    estimated.errors.insert(estimated.errors.begin(), unsupported.begin(), unsupported.end());
   } catch (const InputError& error) {
     fmt::print(stderr, "{}\n", error.what());
     return 2;

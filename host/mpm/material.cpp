@@ -57,10 +57,6 @@ Material::Material(const config::Material& m, plugins::Registry& registry, int d
       return_mapping_{layout_.stride, stress_rows * row, 0},
       energy_{layout_.stride, row, 0},
       wave_modulus_{layout_.stride, row, 0} {
-  for (const auto* use : {&m.damage, &m.constraint})
-    if (*use)
-      throw InputError(error_at((*use)->where) + "material '" + m.name + "': this host evolves no laws of kind '" +
-                       (*use)->id.substr(0, (*use)->id.find('/')) + "'");
   if (plasticity_) states_ = plasticity_.description().states;
   detects_inversion_ = !elasticity_.description().can(CLEAVE_INVERSION_SAFE);
 
@@ -80,6 +76,34 @@ Material::Material(const config::Material& m, plugins::Registry& registry, int d
       return_mapping_.add(CLEAVE_FIELD_STATE_OUT, rows(0, layout_.state, layout_.state_components));
     }
   }
+}
+
+std::vector<std::string> unsupported(const config::Scene& scene, const plugins::Registry& registry) {
+  std::vector<std::string> problems;
+  for (const auto& m : scene.materials) {
+    const auto problem = [&](const config::Location& where, const std::string& what) {
+      problems.push_back(error_at(where) + "material '" + m.name + "': " + what);
+    };
+    for (const auto* use : {&m.damage, &m.constraint})
+      if (*use)
+        problem((*use)->where, "a scene can use elasticity and plasticity laws; " + (*use)->id + " is of kind " +
+                                   (*use)->id.substr(0, (*use)->id.find('/')));
+    std::vector<std::pair<const config::PluginUse*, const plugins::Description*>> laws;
+    laws.emplace_back(&m.elasticity, registry.find(m.elasticity.id));
+    if (m.plasticity) laws.emplace_back(&*m.plasticity, registry.find(m.plasticity->id));
+    const plugins::Description* needs_F = nullptr;
+    for (const auto& [use, law] : laws)
+      if (law && !law->can(CLEAVE_ACCEPTS_B)) needs_F = law;
+    for (const auto& [use, law] : laws)
+      if (law && needs_F && !law->can(CLEAVE_ACCEPTS_F))
+        problem(use->where, law->id + " accepts only b, but " + needs_F->id + " needs F");
+    const auto* elasticity = laws[0].second;
+    if (elasticity && !scene.simulation.time_step && !elasticity->can(CLEAVE_HAS_WAVE_MODULUS))
+      problem(m.elasticity.where, elasticity->id +
+                                      " declares no wave modulus, so no step size can be chosen: set simulation.time_step in "
+                                      "seconds");
+  }
+  return problems;
 }
 
 void Material::add_inputs(LawLayout& l, const plugins::Description& law) const {

@@ -11,6 +11,10 @@
 
 namespace cleave::mpm {
 
+/// What the material point method cannot do with the laws of a scene, as complete messages; empty if it can do all. Looks at
+/// descriptions only.
+std::vector<std::string> unsupported(const config::Scene&, const plugins::Registry&);
+
 /// A material of the scene with its laws composed: what is stored follows from what they declare.
 class Material {
  public:

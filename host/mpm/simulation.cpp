@@ -10,6 +10,7 @@
 #include "mpm/time_step.hpp"
 
 #include <fmt/format.h>
+#include <fmt/ranges.h>
 #include <spdlog/spdlog.h>
 #include <tbb/enumerable_thread_specific.h>
 #include <tbb/parallel_for.h>
@@ -345,11 +346,6 @@ void MpmSimulation<T, D>::measure_waves() {
   for (std::size_t s = 0; s < sets_.size(); s++) {
     const Material& m = *materials_[set_material_[s]];
     const BoundLaw law = m.measure<T>(Material::Measure::wave_modulus);
-    if (!law.function)
-      throw InputError(
-          fmt::format("material '{}': {} declares no wave modulus, so no step size can be chosen: set "
-                      "simulation.time_step in seconds",
-                      m.name(), m.elasticity().description().id));
     std::vector<double> largest(sets_[s]->blocks().size(), 0.0);
     evaluate(s, law, [&](std::size_t block, std::uint64_t, const T* values, int count) {
       for (int k = 0; k < count; k++)
@@ -695,6 +691,8 @@ std::vector<std::pair<std::string, double>> MpmSimulation<T, D>::bytes_per_parti
 }  // namespace
 
 std::unique_ptr<Simulation> Simulation::create(const config::Scene& scene, plugins::Registry& registry) {
+  if (const auto problems = unsupported(scene, registry); !problems.empty())
+    throw InputError(fmt::format("{}", fmt::join(problems, "\n")));
   const bool single = scene.simulation.precision == config::Precision::single_precision;
   if (scene.simulation.dimension == 2) {
     if (single) return std::make_unique<MpmSimulation<float, 2>>(scene, registry);

@@ -1,5 +1,6 @@
 #pragma once
 
+#include "common/error.hpp"
 #include "config/scene.hpp"
 #include "mpm/simulation.hpp"
 #include "plugins/registry.hpp"
@@ -15,7 +16,11 @@
 namespace cleave::test {
 
 inline plugins::Registry& registry() {
-  static plugins::Registry r(plugins::Registry::default_search_path());
+  static plugins::Registry r([] {
+    auto path = plugins::Registry::default_search_path();
+    path.push_back(CLEAVE_BINARY_DIR "/tests/point_plugins");  // laws made for tests
+    return path;
+  }());
   return r;
 }
 
