@@ -9,8 +9,8 @@
 #include <openvdb/openvdb.h>
 #include <openvdb/points/PointAttribute.h>
 #include <openvdb/points/PointConversion.h>
+#include <openvdb/tools/FastSweeping.h>
 #include <openvdb/tools/LevelSetFilter.h>
-#include <openvdb/tools/LevelSetRebuild.h>
 #include <openvdb/tools/ParticlesToLevelSet.h>
 
 #include <cmath>

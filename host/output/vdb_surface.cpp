@@ -1,7 +1,12 @@
 #include "output/vdb.hpp"
 #include "output/vdb_file.hpp"
 
+#include <openvdb/tools/FastSweeping.h>
+#include <openvdb/tools/Prune.h>
+#include <openvdb/tools/ValueTransformer.h>
+
 #include <algorithm>
+#include <cmath>
 
 namespace cleave::output {
 namespace {
@@ -52,8 +57,15 @@ openvdb::FloatGrid::Ptr surface(const ParticleFrame& frame, std::size_t body) {
     union_of_balls.setRmin(0);
     union_of_balls.rasterizeSpheres(balls);
     union_of_balls.finalize();
-    // Inside, the union only knows the nearest ball; a level set needs the distance to the surface.
-    grid = openvdb::tools::levelSetRebuild(*grid);
+    // Inside, the union only knows the nearest ball; a level set needs the distance to the surface, in a narrow band.
+    grid = openvdb::tools::sdfToSdf(*grid);
+    const float band = grid->background();
+    openvdb::tools::foreach (grid->beginValueOn(), [band](const openvdb::FloatGrid::ValueOnIter& value) {
+      if (std::abs(*value) < band) return;
+      value.setValue(std::copysign(band, *value));
+      value.setValueOff();
+    });
+    openvdb::tools::pruneLevelSet(grid->tree());
     openvdb::tools::LevelSetFilter<openvdb::FloatGrid> filter(*grid);
     filter.mean(1);
     filter.offset(static_cast<float>(margin * particle_spacing));
