@@ -353,8 +353,29 @@ CLEAVE_INLINE void evaluate(const BoundLaw& law, bool plasticity, const Particle
   }
 }
 
+/// The tiles of a block that one plugin call works on.
+struct Chunk {
+  std::uint64_t first;  ///< tile
+  int tiles, points;
+};
+
 CLEAVE_INLINE void prefetch_tiles(const char* tiles, std::uint64_t first, std::uint64_t last, std::uint32_t stride) {
   for (const char *p = tiles + first * stride, *end = tiles + last * stride; p < end; p += 64) __builtin_prefetch(p);
+}
+
+/// Calls work(chunk) for every chunk of a block, while the next one is on its way from memory.
+template <class T, class F>
+CLEAVE_INLINE void for_chunks(const ParticleView& set, const BlockView& block, F&& work) {
+  constexpr int lanes = tile_lanes<T>, most = chunk_tiles<T>;
+  const int tiles = int((block.count + lanes - 1) / lanes);
+  const auto length = [&](int tile) { return tile + most < tiles ? most : tiles - tile; };
+  for (int t = 0; t < tiles; t += most) {
+    const Chunk chunk{block.first_tile + std::uint64_t(t), length(t),
+                      int(block.count) - t * lanes < chunk_points ? int(block.count) - t * lanes : chunk_points};
+    const std::uint64_t next = chunk.first + std::uint64_t(chunk.tiles);
+    prefetch_tiles(set.tiles, next, next + std::uint64_t(length(t + chunk.tiles)), set.stride);
+    work(chunk);
+  }
 }
 
 // ------------------------------------------------------------------------------------------------- stages
@@ -367,44 +388,41 @@ void particle_to_grid(const ParticleView& set, const BlockView& block, const Ste
   constexpr int lanes = tile_lanes<T>;
   constexpr int quads = D + 1;
   constexpr std::uint32_t row = CLEAVE_TILE_BYTES;
-  const int tiles = int((block.count + lanes - 1) / lanes);
   const bool affine = step.scheme == TransferScheme::apic && step.stress;
   const T density = T(set.relative_density), cell_size = T(step.cell_size), force = T(step.force_scale);
-  for (int t = 0; t < tiles; t += chunk_tiles<T>) {
-    const int end = t + chunk_tiles<T> < tiles ? t + chunk_tiles<T> : tiles;
-    const std::uint64_t first = block.first_tile + t;
-    const int count = int(block.count) - t * lanes < chunk_points ? int(block.count) - t * lanes : chunk_points;
-    prefetch_tiles(set.tiles, first + (end - t),
-                   first + (end - t) + (end + chunk_tiles<T> < tiles ? chunk_tiles<T> : tiles - end), set.stride);
-    if (step.stress) evaluate<T, D>(set.elasticity, false, set, first, count, step.time_step, s, report);
-    for (int k = 0; k < end - t; k++) {
-      const char* tile = set.tiles + (first + k) * set.stride;
-      T* w = s.weights + k * (W::count * lanes);
-      tile_weights<T, D, true>(set, tile, w, s.node + k * lanes);
-      const Tile<T> volume = load<T>(tile + set.volume), mass = volume * density;
-      const Tile<T> kv = volume * force, md = mass * cell_size;
-      constexpr int sym3[9] = {0, 3, 4, 3, 1, 5, 4, 5, 2};
-      Tile<T> A[D][D], q[D];
-      for (int i = 0; i < D; i++) {
-        for (int a = 0; a < D; a++) {
-          A[i][a] = affine ? md * load<T>(tile + set.affine + (D * i + a) * row) : Tile<T>{};
-          if (step.stress) A[i][a] -= kv * load<T>(s.stress + (k * stress_rows + sym3[3 * i + a]) * lanes);
+  for_chunks<T>(
+      set, block, [&](const Chunk& chunk) __attribute__((always_inline)) {
+        const std::uint64_t first = chunk.first;
+        const int count = chunk.points;
+        if (step.stress) evaluate<T, D>(set.elasticity, false, set, first, count, step.time_step, s, report);
+        for (int k = 0; k < chunk.tiles; k++) {
+          const char* tile = set.tiles + (first + k) * set.stride;
+          T* w = s.weights + k * (W::count * lanes);
+          tile_weights<T, D, true>(set, tile, w, s.node + k * lanes);
+          const Tile<T> volume = load<T>(tile + set.volume), mass = volume * density;
+          const Tile<T> kv = volume * force, md = mass * cell_size;
+          constexpr int sym3[9] = {0, 3, 4, 3, 1, 5, 4, 5, 2};
+          Tile<T> A[D][D], q[D];
+          for (int i = 0; i < D; i++) {
+            for (int a = 0; a < D; a++) {
+              A[i][a] = affine ? md * load<T>(tile + set.affine + (D * i + a) * row) : Tile<T>{};
+              if (step.stress) A[i][a] -= kv * load<T>(s.stress + (k * stress_rows + sym3[3 * i + a]) * lanes);
+            }
+            q[i] = mass * load<T>(tile + set.velocity + i * row);
+            for (int a = 0; a < D; a++) q[i] += A[i][a] * load<T>(w + (W::offset + a) * lanes);
+          }
+          // records: [m q][0 A_x][0 A_y][0 A_z]
+          T* rows = s.rows;
+          store<T>(rows, mass);
+          for (int i = 0; i < 3; i++) store<T>(rows + (1 + i) * lanes, i < D ? q[i < D ? i : 0] : Tile<T>{});
+          for (int a = 0; a < D; a++) {
+            store<T>(rows + (4 + 4 * a) * lanes, Tile<T>{});
+            for (int i = 0; i < 3; i++) store<T>(rows + (5 + 4 * a + i) * lanes, i < D ? A[i < D ? i : 0][a] : Tile<T>{});
+          }
+          lanes_to_records<T, quads>(rows, s.records + k * lanes * record_size);
         }
-        q[i] = mass * load<T>(tile + set.velocity + i * row);
-        for (int a = 0; a < D; a++) q[i] += A[i][a] * load<T>(w + (W::offset + a) * lanes);
-      }
-      // records: [m q][0 A_x][0 A_y][0 A_z]
-      T* rows = s.rows;
-      store<T>(rows, mass);
-      for (int i = 0; i < 3; i++) store<T>(rows + (1 + i) * lanes, i < D ? q[i < D ? i : 0] : Tile<T>{});
-      for (int a = 0; a < D; a++) {
-        store<T>(rows + (4 + 4 * a) * lanes, Tile<T>{});
-        for (int i = 0; i < 3; i++) store<T>(rows + (5 + 4 * a + i) * lanes, i < D ? A[i < D ? i : 0][a] : Tile<T>{});
-      }
-      lanes_to_records<T, quads>(rows, s.records + k * lanes * record_size);
-    }
-    scatter<T, D>(s.scatter_arena, s.records, s.weights, s.node, count);
-  }
+        scatter<T, D>(s.scatter_arena, s.records, s.weights, s.node, count);
+      });
   merge_arena<T, D>(static_cast<T*>(step.grid), block, s.scatter_arena);
 }
 
@@ -461,80 +479,77 @@ void grid_to_particle(const ParticleView& set, const BlockView& block, const Ste
   const bool flip = step.scheme == TransferScheme::flip, apic = step.scheme == TransferScheme::apic;
   load_arena<T, D>(static_cast<const T*>(step.grid), block, s.gather_arena);
   if (flip) load_arena<T, D>(static_cast<const T*>(step.grid_before), block, s.before_arena);
-  const int tiles = int((block.count + lanes - 1) / lanes);
   const T dt = T(step.time_step), to_cells = T(step.time_step / step.cell_size), gradient = T(4 / step.cell_size);
   const T ratio = T(step.flip_ratio);
   constexpr T low = T(-0.5), high = T(GridShape<D>::block_edge + 1.5);
   Tile<T> fastest{};
   typename TileTypes<T>::Mask strayed{}, broken{}, inverted{};
-  for (int t = 0; t < tiles; t += chunk_tiles<T>) {
-    const int end = t + chunk_tiles<T> < tiles ? t + chunk_tiles<T> : tiles;
-    const std::uint64_t first = block.first_tile + t;
-    const int count = int(block.count) - t * lanes < chunk_points ? int(block.count) - t * lanes : chunk_points;
-    prefetch_tiles(set.tiles, first + (end - t),
-                   first + (end - t) + (end + chunk_tiles<T> < tiles ? chunk_tiles<T> : tiles - end), set.stride);
-    for (int k = 0; k < end - t; k++)
-      tile_weights<T, D, false>(set, set.tiles + (first + k) * set.stride, s.weights + k * (W::count * lanes),
-                                s.node + k * lanes);
-    gather_chunk<T, D>(s.gather_arena, s.weights, s.node, count, s.records);
-    if (flip) gather_chunk<T, D>(s.before_arena, s.weights, s.node, count, s.before_records);
-    for (int k = 0; k < end - t; k++) {
-      char* tile = set.tiles + (first + k) * set.stride;
-      const T* w = s.weights + k * (W::count * lanes);
-      T* rows = s.rows;
-      records_to_lanes<T, quads>(s.records + k * lanes * record_size, rows);
-      Tile<T> v[D], A[D][D];
-      for (int i = 0; i < D; i++) v[i] = load<T>(rows + (1 + i) * lanes);
-      for (int a = 0; a < D; a++) {
-        const Tile<T> offset = load<T>(w + (W::offset + a) * lanes);
-        for (int i = 0; i < D; i++) A[i][a] = gradient * (load<T>(rows + (5 + 4 * a + i) * lanes) + offset * v[i]);
-      }
-      for (int i = 0; i < D; i++)
-        for (int a = 0; a < D; a++) store<T>(tile + set.affine + (D * i + a) * row, apic ? A[i][a] : Tile<T>{});
-      for (int i = 0; i < D; i++) {
-        char* position = tile + set.position + i * row;
-        const Tile<T> x = load<T>(position) + to_cells * v[i];
-        store<T>(position, x);
-        strayed |= (x < low) | (x >= high);
-        const Tile<T> speed = magnitude<T>(v[i]);
-        fastest = maximum<T>(speed, fastest);
-        broken |= ~(speed < T(1e18));
-      }
-      if (flip) {
-        records_to_lanes<T, quads>(s.before_records + k * lanes * record_size, s.before_rows);
-        for (int i = 0; i < D; i++) {
-          char* velocity = tile + set.velocity + i * row;
-          const Tile<T> change = v[i] - load<T>(s.before_rows + (1 + i) * lanes);
-          store<T>(velocity, v[i] + ratio * (load<T>(velocity) + change - v[i]));
-        }
-      } else {
-        for (int i = 0; i < D; i++) store<T>(tile + set.velocity + i * row, v[i]);
-      }
-      for (int i = 0; i < D; i++)
-        for (int a = 0; a < D; a++) A[i][a] = dt * A[i][a] + T(i == a ? 1 : 0);
-      if (set.detect_inversion) {
-        Tile<T> det;
-        if constexpr (D == 3)
-          det = A[0][0] * (A[1][1] * A[2][2] - A[1][2] * A[2][1]) - A[0][1] * (A[1][0] * A[2][2] - A[1][2] * A[2][0]) +
-                A[0][2] * (A[1][0] * A[2][1] - A[1][1] * A[2][0]);
-        else
-          det = A[0][0] * A[1][1] - A[0][1] * A[1][0];
-        inverted |= ~(det > T(0));
-      }
-      if (set.stores_b)
-        update_b<T, D>(tile + set.strain, A);
-      else
-        update_F<T, D>(tile + set.strain, A);
-      const auto trouble = broken | inverted;
-      if (__builtin_expect(any(trouble), 0) && report.slot == ~0ull)
-        for (int l = 0; l < lanes; l++)
-          if (trouble[l]) {
-            report.slot = (first + k) * lanes + l;
-            break;
+  for_chunks<T>(
+      set, block, [&](const Chunk& chunk) __attribute__((always_inline)) {
+        const std::uint64_t first = chunk.first;
+        const int count = chunk.points;
+        for (int k = 0; k < chunk.tiles; k++)
+          tile_weights<T, D, false>(set, set.tiles + (first + k) * set.stride, s.weights + k * (W::count * lanes),
+                                    s.node + k * lanes);
+        gather_chunk<T, D>(s.gather_arena, s.weights, s.node, count, s.records);
+        if (flip) gather_chunk<T, D>(s.before_arena, s.weights, s.node, count, s.before_records);
+        for (int k = 0; k < chunk.tiles; k++) {
+          char* tile = set.tiles + (first + k) * set.stride;
+          const T* w = s.weights + k * (W::count * lanes);
+          T* rows = s.rows;
+          records_to_lanes<T, quads>(s.records + k * lanes * record_size, rows);
+          Tile<T> v[D], A[D][D];
+          for (int i = 0; i < D; i++) v[i] = load<T>(rows + (1 + i) * lanes);
+          for (int a = 0; a < D; a++) {
+            const Tile<T> offset = load<T>(w + (W::offset + a) * lanes);
+            for (int i = 0; i < D; i++) A[i][a] = gradient * (load<T>(rows + (5 + 4 * a + i) * lanes) + offset * v[i]);
           }
-    }
-    if (set.plasticity.function) evaluate<T, D>(set.plasticity, true, set, first, count, step.time_step, s, report);
-  }
+          for (int i = 0; i < D; i++)
+            for (int a = 0; a < D; a++) store<T>(tile + set.affine + (D * i + a) * row, apic ? A[i][a] : Tile<T>{});
+          for (int i = 0; i < D; i++) {
+            char* position = tile + set.position + i * row;
+            const Tile<T> x = load<T>(position) + to_cells * v[i];
+            store<T>(position, x);
+            strayed |= (x < low) | (x >= high);
+            const Tile<T> speed = magnitude<T>(v[i]);
+            fastest = maximum<T>(speed, fastest);
+            broken |= ~(speed < T(1e18));
+          }
+          if (flip) {
+            records_to_lanes<T, quads>(s.before_records + k * lanes * record_size, s.before_rows);
+            for (int i = 0; i < D; i++) {
+              char* velocity = tile + set.velocity + i * row;
+              const Tile<T> change = v[i] - load<T>(s.before_rows + (1 + i) * lanes);
+              store<T>(velocity, v[i] + ratio * (load<T>(velocity) + change - v[i]));
+            }
+          } else {
+            for (int i = 0; i < D; i++) store<T>(tile + set.velocity + i * row, v[i]);
+          }
+          for (int i = 0; i < D; i++)
+            for (int a = 0; a < D; a++) A[i][a] = dt * A[i][a] + T(i == a ? 1 : 0);
+          if (set.detect_inversion) {
+            Tile<T> det;
+            if constexpr (D == 3)
+              det = A[0][0] * (A[1][1] * A[2][2] - A[1][2] * A[2][1]) - A[0][1] * (A[1][0] * A[2][2] - A[1][2] * A[2][0]) +
+                    A[0][2] * (A[1][0] * A[2][1] - A[1][1] * A[2][0]);
+            else
+              det = A[0][0] * A[1][1] - A[0][1] * A[1][0];
+            inverted |= ~(det > T(0));
+          }
+          if (set.stores_b)
+            update_b<T, D>(tile + set.strain, A);
+          else
+            update_F<T, D>(tile + set.strain, A);
+          const auto trouble = broken | inverted;
+          if (__builtin_expect(any(trouble), 0) && report.slot == ~0ull)
+            for (int l = 0; l < lanes; l++)
+              if (trouble[l]) {
+                report.slot = (first + k) * lanes + l;
+                break;
+              }
+        }
+        if (set.plasticity.function) evaluate<T, D>(set.plasticity, true, set, first, count, step.time_step, s, report);
+      });
   for (int l = 0; l < lanes; l++)
     if (double(fastest[l]) > report.maximum_speed) report.maximum_speed = double(fastest[l]);
   report.strayed = report.strayed || any(strayed);
