@@ -47,7 +47,7 @@ class OutOfTree : public ::testing::Test {
     ASSERT_EQ(install.status, 0) << install.output;
     // The sources are copied away, so that nothing of the repository is found by a relative path.
     fs::copy(CLEAVE_SOURCE_DIR "/tests/fixtures/plugins/out_of_tree", directory_ / "source");
-    const auto configure = cmake("-S " + quoted(directory_ / "source") + " -B " + quoted(directory_ / "build") +
+    const auto configure = cmake("-G Ninja -S " + quoted(directory_ / "source") + " -B " + quoted(directory_ / "build") +
                                  " -DCMAKE_BUILD_TYPE=Release -DCMAKE_CXX_COMPILER=" + compiler + " -DCMAKE_PREFIX_PATH=" +
                                  quoted(directory_ / "prefix") + " -DCMAKE_INSTALL_PREFIX=" + quoted(directory_ / "installed"));
     ASSERT_EQ(configure.status, 0) << configure.output;
