@@ -118,18 +118,23 @@ CLEAVE_INLINE void for_arena_rows(const BlockView& block, F&& run) {
   }
 }
 
-/// Visits `Bytes` bytes at two places in the widest pieces there are: f(a, b) with vectors of 64, 32 or 16 bytes.
+/// Replaces `Bytes` bytes at `to` by f(what is there, what is at `from`), in the widest pieces there are. Copies, because rows
+/// of the arena are aligned to nodes only, and a template parameter does not carry the alignment of a type.
 template <class T, int Bytes, class F>
-CLEAVE_INLINE void for_pieces(T* a, const T* b, F&& f) {
-  typedef T Half __attribute__((vector_size(32), aligned(16), may_alias));
-  typedef T Whole __attribute__((vector_size(64), aligned(16), may_alias));
-  typedef T Part __attribute__((vector_size(16), may_alias));
+CLEAVE_INLINE void for_pieces(T* to, const T* from, F&& f) {
+  typedef T Whole __attribute__((vector_size(64)));
+  typedef T Half __attribute__((vector_size(32)));
+  typedef T Part __attribute__((vector_size(16)));
   int at = 0;
   const auto visit = [&](auto piece) {
-    using V = decltype(piece);
-    for (; Bytes - at >= int(sizeof(V)); at += int(sizeof(V)))
-      f(*reinterpret_cast<V*>(reinterpret_cast<char*>(a) + at),
-        *reinterpret_cast<const V*>(reinterpret_cast<const char*>(b) + at));
+    constexpr int size = int(sizeof piece);
+    for (; Bytes - at >= size; at += size) {
+      auto there = piece, here = piece;
+      std::memcpy(&there, reinterpret_cast<const char*>(to) + at, size);
+      std::memcpy(&here, reinterpret_cast<const char*>(from) + at, size);
+      there = f(there, here);
+      std::memcpy(reinterpret_cast<char*>(to) + at, &there, size);
+    }
   };
   visit(Whole{});
   visit(Half{});
@@ -141,7 +146,7 @@ CLEAVE_INLINE void load_arena(const T* grid, const BlockView& block, T* arena) {
   for_arena_rows<D>(block, [&](std::uint32_t b, int node, int at, auto n) {
     constexpr int bytes = decltype(n)::value * 4 * int(sizeof(T));
     for_pieces<T, bytes>(arena + at * 4, grid + (std::size_t(b) * GridShape<D>::block_nodes + node) * 4,
-                         [](auto& to, const auto& from) { to = from; });
+                         [](const auto&, const auto& value) { return value; });
   });
 }
 
@@ -156,7 +161,7 @@ CLEAVE_INLINE void merge_arena(T* grid, const BlockView& block, T* arena) {
     for (int i = 0; i < count; i++) mass += from[4 * i];
     if (!(mass > T(0))) return;
     for_pieces<T, bytes>(grid + (std::size_t(b) * GridShape<D>::block_nodes + node) * 4, from,
-                         [](auto& to, const auto& add) { to += add; });
+                         [](const auto& sum, const auto& value) { return sum + value; });
     std::memset(from, 0, bytes);
   });
 }
