@@ -1,14 +1,10 @@
+#include "../../reference_data.hpp"
 #include "point_testing.hpp"
-
-#include <cstdlib>
 
 namespace cleave::testing {
 namespace {
 
-std::filesystem::path golden_directory() {
-  const char* data = std::getenv("CLEAVE_DATA_DIR");
-  return (data ? std::filesystem::path(data) : std::filesystem::path(CLEAVE_SOURCE_DIR) / "../shared/data") / "golden";
-}
+std::filesystem::path golden_directory() { return reference_data() / "golden"; }
 
 constexpr double golden_mu = 384.61538461538464, golden_lambda = 576.92307692307691;
 

@@ -1,6 +1,7 @@
 // The Stanford bunny, about 200000 particles, falls on the floor and bounces: what comes out has to be plausible physics and
 // files that others can open.
 
+#include "../../reference_data.hpp"
 #include "program.hpp"
 
 #include <openvdb/openvdb.h>
@@ -13,10 +14,7 @@
 namespace cleave::test {
 namespace {
 
-fs::path mesh(const std::string& name) {
-  const char* given = std::getenv("CLEAVE_DATA_DIR");
-  return (given ? fs::path(given) : fs::path(CLEAVE_SOURCE_DIR) / "../shared/data") / "meshes" / name;
-}
+fs::path mesh(const std::string& name) { return reference_data() / "meshes" / name; }
 
 class MeshDrop : public Program {
  protected:

@@ -1,3 +1,4 @@
+#include "../../reference_data.hpp"
 #include "law_driver.hpp"
 #include "strains.hpp"
 
@@ -20,11 +21,7 @@ struct Row {
   double psi;
 };
 
-std::filesystem::path reference_file(const std::string& name) {
-  const char* directory = std::getenv("CLEAVE_DATA_DIR");
-  return (directory ? std::filesystem::path(directory) : std::filesystem::path(CLEAVE_SOURCE_DIR "/../shared/data")) /
-         "golden" / name;
-}
+std::filesystem::path reference_file(const std::string& name) { return reference_data() / "golden" / name; }
 
 std::vector<Row> read(const std::filesystem::path& file) {
   std::ifstream in(file);

@@ -1,5 +1,6 @@
 #pragma once
 
+#include "../../reference_data.hpp"
 #include "common/error.hpp"
 #include "scene/shape.hpp"
 
@@ -49,10 +50,7 @@ std::string input_error(const Action& action) {
 
 /// A mesh that comes with the project's data rather than its source; empty if this machine does not have it.
 inline std::filesystem::path shared_mesh(const std::string& name) {
-  const char* const given = std::getenv("CLEAVE_DATA_DIR");
-  const std::filesystem::path data =
-      given != nullptr ? std::filesystem::path(given) : std::filesystem::path(CLEAVE_SOURCE_DIR) / "../shared/data";
-  const std::filesystem::path mesh = data / "meshes" / name;
+  const std::filesystem::path mesh = reference_data() / "meshes" / name;
   return std::filesystem::exists(mesh) ? mesh : std::filesystem::path();
 }
 

@@ -1,6 +1,7 @@
 // A whole explicit run against the authors' published code: 640 particles, 40 steps of 2e-4 s, APIC, quadratic kernels,
 // split neo-Hookean solid, no gravity, no colliders, grid nodes at multiples of the cell size.
 
+#include "../../reference_data.hpp"
 #include "scenes.hpp"
 
 #include <gtest/gtest.h>
@@ -12,11 +13,6 @@
 
 namespace cleave::test {
 namespace {
-
-std::filesystem::path data_directory() {
-  if (const char* given = std::getenv("CLEAVE_DATA_DIR")) return given;
-  return std::filesystem::path(CLEAVE_SOURCE_DIR) / "../shared/data";
-}
 
 std::vector<std::map<std::string, double>> read_table(const std::filesystem::path& file) {
   std::ifstream in(file);
@@ -45,7 +41,7 @@ Matrix3 matrix(const std::map<std::string, double>& row, const std::string& name
 }
 
 TEST(GoldenTrajectory, NeoHookeanBlockEndsWhereThePublishedCodePutsIt) {
-  const auto folder = data_directory() / "golden/trajectories";
+  const auto folder = reference_data() / "golden/trajectories";
   const auto initial = read_table(folder / "nhb_mls_init.csv"), final = read_table(folder / "nhb_mls_final.csv");
   if (initial.empty() || final.empty()) GTEST_SKIP() << "reference trajectories are not in " << folder;
   ASSERT_EQ(initial.size(), 640u);
