@@ -187,6 +187,13 @@ constexpr Need needs_of_elasticity[] = {
     {CLEAVE_NEEDS_EFFECTIVE_STRESS, CLEAVE_HAS_EFFECTIVE_STRESS, "the effective stress"},
 };
 
+/// A law as the material uses it: with the capabilities its parameters bring.
+Description used(const Description& law, const PluginUse& use) {
+  Description with = law;
+  with.capabilities = law.capabilities_with(use.parameters);
+  return with;
+}
+
 void check_needs(const PluginUse& use, const Description& law, const Description& elasticity, ReadContext& context) {
   for (const Need& need : needs_of_elasticity) {
     if (!law.can(need.needs) || elasticity.can(need.has)) continue;
@@ -243,15 +250,16 @@ void check_combination(const Material& material, Precision precision, ReadContex
   const Description* elasticity = context.catalog.find(material.elasticity.id);
   bool fibers_read = false, all_known = elasticity != nullptr;
   const auto check = [&](const PluginUse& use) {
-    const Description* law = context.catalog.find(use.id);
-    if (!law) {
+    const Description* found = context.catalog.find(use.id);
+    if (!found) {
       all_known = false;
       return;
     }
-    fibers_read = fibers_read || law->can(CLEAVE_NEEDS_FIBER) || law->can(CLEAVE_NEEDS_SECOND_FIBER);
-    check_precision(use, *law, precision, remedies, context.diagnostics);
-    check_fibers(use, *law, material, remedies, context.diagnostics);
-    if (elasticity && law->kind != Kind::elasticity) check_needs(use, *law, *elasticity, context);
+    const Description law = used(*found, use);
+    fibers_read = fibers_read || law.can(CLEAVE_NEEDS_FIBER) || law.can(CLEAVE_NEEDS_SECOND_FIBER);
+    check_precision(use, law, precision, remedies, context.diagnostics);
+    check_fibers(use, law, material, remedies, context.diagnostics);
+    if (elasticity && law.kind != Kind::elasticity) check_needs(use, law, *elasticity, context);
   };
   if (elasticity) check(material.elasticity);
   for (const auto* use : {&material.plasticity, &material.damage, &material.constraint})

@@ -112,6 +112,7 @@ Parameter copy(const cleave_parameter_schema& schema, std::uint32_t index) {
   parameter.maximum_open = schema.maximum_open != 0;
   parameter.physical_minimum = schema.physical_minimum;
   parameter.physical_maximum = schema.physical_maximum;
+  std::copy(std::begin(schema.needs), std::end(schema.needs), parameter.needs.begin());
   require(schema.choice_count == 0 || schema.choices != nullptr, what + ": its choices are null");
   for (std::uint32_t i = 0; i < schema.choice_count; ++i)
     parameter.choices.push_back(text(schema.choices[i], what + ": one of its choices"));

@@ -67,6 +67,7 @@ Instance::Instance(std::shared_ptr<const Plugin> plugin, const GivenParameters& 
     : plugin_(std::move(plugin)) {
   const Description& description = plugin_->description();
   check(description, given);
+  capabilities_ = description.capabilities_with(given);
 
   std::vector<cleave_parameter> values;
   for (const auto& parameter : description.parameters) {
@@ -81,6 +82,7 @@ Instance::Instance(std::shared_ptr<const Plugin> plugin, const GivenParameters& 
   surroundings.cell_size = context.cell_size;
   surroundings.density = context.density;
   surroundings.isochoric = context.isochoric ? &*context.isochoric : nullptr;
+  surroundings.elastic = context.elastic;
 
   std::array<char, 1024> text{};
   std::array<char, 128> subject{};
@@ -100,11 +102,12 @@ Instance::Instance(std::shared_ptr<const Plugin> plugin, const GivenParameters& 
 }
 
 Instance::Instance(Instance&& other) noexcept
-    : plugin_(std::move(other.plugin_)), handle_(std::exchange(other.handle_, nullptr)) {}
+    : plugin_(std::move(other.plugin_)), handle_(std::exchange(other.handle_, nullptr)), capabilities_(other.capabilities_) {}
 
 Instance& Instance::operator=(Instance&& other) noexcept {
   std::swap(plugin_, other.plugin_);
   std::swap(handle_, other.handle_);
+  std::swap(capabilities_, other.capabilities_);
   return *this;
 }
 

@@ -100,6 +100,9 @@ Parameter read_parameter(const toml::table& table) {
   parameter.physical_minimum = get<double>(table, "physical_minimum");
   parameter.physical_maximum = get<double>(table, "physical_maximum");
   parameter.choices = list<std::string>(table, "choices");
+  const auto needs = list<std::int64_t>(table, "needs");
+  if (needs.size() != parameter.needs.size()) throw Malformed{};
+  std::copy(needs.begin(), needs.end(), parameter.needs.begin());
   return parameter;
 }
 

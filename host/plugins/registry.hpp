@@ -32,11 +32,10 @@ struct Context {
   int dimension = 3;
   double cell_size = 0;  ///< m, 0 if there is no grid
   double density = 0;    ///< kg/m^3
-  std::optional<cleave_isochoric_response> isochoric;
+  /// Of the elastic law of the same material; empty and null for the elastic law itself.
+  std::optional<cleave_isochoric_response> isochoric = {};
+  const cleave_elastic_probe* elastic = nullptr;
 };
-
-/// A parameter by key, as the scene gave it. Keys not given take the schema's default.
-using GivenParameters = std::map<std::string, Value, std::less<>>;
 
 /// A law with its parameters. Movable; destroys the instance before the library may unload.
 class Instance {
@@ -52,6 +51,8 @@ class Instance {
   const Plugin& plugin() const { return *plugin_; }
   const Description& description() const { return plugin_->description(); }
   cleave_instance* handle() const { return handle_; }
+  /// What the law can do and needs with these parameters.
+  bool can(cleave_capability c) const { return (capabilities_ & c) != 0; }
 
   const cleave_elasticity& elasticity() const { return *static_cast<const cleave_elasticity*>(plugin_->kind_table()); }
   const cleave_plasticity& plasticity() const { return *static_cast<const cleave_plasticity*>(plugin_->kind_table()); }
@@ -65,6 +66,7 @@ class Instance {
  private:
   std::shared_ptr<const Plugin> plugin_;
   cleave_instance* handle_ = nullptr;
+  std::uint64_t capabilities_ = 0;
 };
 
 /// One file found in the search path: usable, or refused with the reason.

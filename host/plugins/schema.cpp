@@ -18,6 +18,20 @@ const char* name(Kind kind) {
   return "";
 }
 
+std::uint64_t Description::capabilities_with(const GivenParameters& given) const {
+  std::uint64_t all = capabilities;
+  for (const Parameter& parameter : parameters) {
+    const auto it = given.find(parameter.key);
+    if (parameter.in_set && it == given.end()) continue;
+    const Value& value = it == given.end() ? parameter.default_value : it->second;
+    const auto* number = std::get_if<double>(&value);
+    const auto* list = std::get_if<std::vector<double>>(&value);
+    for (std::size_t i = 0; i < parameter.needs.size(); ++i)
+      if (number ? i == 0 && *number != 0 : list && i < list->size() && (*list)[i] != 0) all |= parameter.needs[i];
+  }
+  return all;
+}
+
 std::vector<std::string> capability_names(std::uint64_t capabilities) {
   static constexpr struct {
     cleave_capability bit;

@@ -4,6 +4,7 @@
 
 #include <array>
 #include <cstdint>
+#include <map>
 #include <string>
 #include <utility>
 #include <variant>
@@ -28,6 +29,7 @@ struct Parameter {
   bool minimum_open = false, maximum_open = false;
   double physical_minimum, physical_maximum;
   std::vector<std::string> choices;
+  std::array<std::uint64_t, 2> needs{};  ///< capabilities the law has only where element 0, 1 of the value is not zero
   bool operator==(const Parameter&) const = default;
 };
 
@@ -45,6 +47,9 @@ struct Alternatives {
   bool operator==(const Alternatives&) const = default;
 };
 
+/// A parameter by key, as a scene gives it. Keys not given take the schema's default.
+using GivenParameters = std::map<std::string, Value, std::less<>>;
+
 struct Description {
   std::string id;  ///< "elasticity/qr"
   std::string version, author, summary, source;
@@ -53,8 +58,10 @@ struct Description {
   std::vector<Parameter> parameters;
   std::vector<State> states;
   std::vector<Alternatives> alternatives;
-  std::uint64_t capabilities = 0;  ///< union of cleave_capability
+  std::uint64_t capabilities = 0;  ///< union of cleave_capability, whatever the parameters
 
+  /// With those that depend on parameters.
+  std::uint64_t capabilities_with(const GivenParameters&) const;
   bool can(cleave_capability c) const { return (capabilities & c) != 0; }
   int state_components() const {
     int n = 0;

@@ -17,7 +17,7 @@ namespace {
 constexpr std::uint32_t row = CLEAVE_TILE_BYTES;
 enum Stream : std::uint32_t { stored = 0, scratch = 1 };
 
-bool reads_strain(const plugins::Description& law) { return law.can(CLEAVE_ACCEPTS_B) || law.can(CLEAVE_ACCEPTS_F); }
+bool reads_strain(const plugins::Instance& law) { return law.can(CLEAVE_ACCEPTS_B) || law.can(CLEAVE_ACCEPTS_F); }
 
 /// Hands out rows of a tile, one component each.
 class Rows {
@@ -93,7 +93,7 @@ class BatchEvaluator final : public Evaluator {
       : laws_(laws),
         places_(laws),
         common_b_(reads_b(laws.elasticity) && (!laws.plasticity || reads_b(laws.plasticity)) &&
-                  (!laws.damage || !reads_strain(laws.damage.description()) || reads_b(laws.damage))),
+                  (!laws.damage || !reads_strain(laws.damage) || reads_b(laws.damage))),
         return_mapping_{places_.stored_stride, places_.scratch_stride},
         elasticity_{places_.stored_stride, places_.scratch_stride},
         damage_{places_.stored_stride, places_.scratch_stride},
@@ -121,21 +121,19 @@ class BatchEvaluator final : public Evaluator {
   };
   using Call = cleave_result (*)(const cleave_instance*, const cleave_batch*);
 
-  static bool reads_b(const plugins::Instance& law) { return law.description().can(CLEAVE_ACCEPTS_B); }
+  static bool reads_b(const plugins::Instance& law) { return law.can(CLEAVE_ACCEPTS_B); }
   /// Whether this law is given b rather than F.
-  bool given_b(const plugins::Instance& law) const { return common_b_ || !law.description().can(CLEAVE_ACCEPTS_F); }
+  bool given_b(const plugins::Instance& law) const { return common_b_ || !law.can(CLEAVE_ACCEPTS_F); }
 
   void add_inputs(mpm::LawLayout& layout, const plugins::Instance& law) const {
-    const auto& description = law.description();
-    if (reads_strain(description)) {
+    if (reads_strain(law)) {
       if (given_b(law))
         layout.add(CLEAVE_FIELD_B, places_.left_cauchy_green);
       else
         layout.add(CLEAVE_FIELD_F, places_.deformation);
     }
-    if (description.can(CLEAVE_NEEDS_FIBER) || description.can(CLEAVE_NEEDS_SECOND_FIBER))
-      layout.add(CLEAVE_FIELD_FIBER, places_.fiber);
-    if (description.can(CLEAVE_NEEDS_SECOND_FIBER)) layout.add(CLEAVE_FIELD_SECOND_FIBER, places_.second_fiber);
+    if (law.can(CLEAVE_NEEDS_FIBER) || law.can(CLEAVE_NEEDS_SECOND_FIBER)) layout.add(CLEAVE_FIELD_FIBER, places_.fiber);
+    if (law.can(CLEAVE_NEEDS_SECOND_FIBER)) layout.add(CLEAVE_FIELD_SECOND_FIBER, places_.second_fiber);
   }
 
   void lay_out_return_mapping() {

@@ -3,6 +3,7 @@
 #include "common/error.hpp"
 #include "config/law_reader.hpp"
 #include "config/overrides.hpp"
+#include "plugins/elastic_probe.hpp"
 
 #include <charconv>
 #include <cmath>
@@ -155,9 +156,11 @@ Laws make_laws(const LawChoice& choice, plugins::Registry& registry, std::vector
   const auto said = diagnostics.warnings();
   warnings.insert(warnings.end(), said.begin(), said.end());
 
-  plugins::Context surroundings{.dimension = 3, .cell_size = choice.cell_size, .density = 0, .isochoric = {}};
+  plugins::Context surroundings{.dimension = 3, .cell_size = choice.cell_size};
   laws.elasticity = instantiate(material.elasticity, registry, surroundings);
+  const plugins::ElasticProbe probe(laws.elasticity);
   surroundings.isochoric = laws.elasticity.isochoric_response();
+  surroundings.elastic = probe.get();
   if (material.plasticity) laws.plasticity = instantiate(*material.plasticity, registry, surroundings);
   if (material.damage) {
     laws.damage = instantiate(*material.damage, registry, surroundings);

@@ -125,7 +125,7 @@ void write_parameter(std::ostream& out, const cleave_parameter_schema& p) {
       << "\nmaximum_open = " << boolean(p.maximum_open) << "\nphysical_minimum = " << number(p.physical_minimum)
       << "\nphysical_maximum = " << number(p.physical_maximum) << "\nchoices = [";
   for (std::uint32_t i = 0; i < p.choice_count; ++i) out << (i ? ", " : "") << quoted(p.choices[i]);
-  out << "]\n";
+  out << "]\nneeds = [" << p.needs[0] << ", " << p.needs[1] << "]\n";
 }
 
 void write_alternatives(std::ostream& out, const cleave_alternatives& alternatives) {

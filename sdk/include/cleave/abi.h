@@ -121,6 +121,9 @@ typedef struct cleave_parameter_schema {
   const char* const* choices; /* TEXT: choice_count strings, or null for free text */
   uint32_t choice_count;
   uint32_t reserved;
+  /* Capabilities (enum cleave_capability) the law has only where element k of this parameter is not zero; a NUMBER has one
+   * element, other types none. So a law can read fibres for some parameters and do without them for others. */
+  uint64_t needs[2];
 } cleave_parameter_schema;
 
 /* A value handed to create(). [ownership] host; valid during create() only. */
@@ -306,6 +309,16 @@ typedef struct cleave_instance cleave_instance;
 
 struct cleave_isochoric_response;
 
+/* The isotropic part of a material's elastic law, not degraded, for other laws to derive their parameters from.
+ * [ownership] host; valid during create() only. */
+typedef struct cleave_elastic_probe {
+  uint32_t struct_size;
+  uint32_t reserved;
+  double shear_modulus, bulk_modulus; /* at rest [Pa] */
+  /* psi_plus [J/m^3] at F (row-major, det F > 0); NaN if the law offers no energy or is undefined there. [main-thread] */
+  double (*tensile_energy)(const struct cleave_elastic_probe*, const double* F);
+} cleave_elastic_probe;
+
 /* What a law may know of its surroundings. [ownership] host; valid during create() only. */
 typedef struct cleave_context {
   uint32_t struct_size;
@@ -313,6 +326,7 @@ typedef struct cleave_context {
   double cell_size;                                  /* m; 0 where there is no grid */
   double density;                                    /* kg/m^3 at rest; 0 where none is known */
   const struct cleave_isochoric_response* isochoric; /* of the elastic law; null if it offers none */
+  const cleave_elastic_probe* elastic;               /* the elastic law of the material; null for an elastic law itself */
 } cleave_context;
 
 /* What the plugin offers. [ownership] static data of the plugin, lives as long as the library is loaded. */

@@ -6,6 +6,8 @@
 ///   static constexpr DamageInputs inputs{.tensile_energy = true};   what `point` brings from the elastic law
 ///   static constexpr Accepts accepts = ...;                         only if the formula reads point.strain
 ///   static constexpr int fibers = 1;                                or 2: only if it reads point.fibers
+///   static constexpr bool optional_fibers = true;   F and fibers are given only where a parameter's `needs` says so, and
+///                                                   are the identity and the axes x, y elsewhere
 ///
 ///   template <class T, class Point>
 ///   Driven<T, N> drive(const Point& point, const std::array<T, N>& state) const;    D >= 0 and the state after the step
@@ -117,7 +119,7 @@ struct DamageBatch {
     if constexpr (is_law_of_b<Law>)
       point.strain = b ? chunk.load_symmetric(b) : left_cauchy_green(chunk.load_matrix(F));
     else if constexpr (is_law_of_F<Law>)
-      point.strain = chunk.load_matrix(F);
+      point.strain = has_optional_fibers<Law> && !F ? diagonal(Vector3<T>(T(1), T(1), T(1))) : chunk.load_matrix(F);
     point.fibers = load_fibers<Law>(chunk, first_fiber, second_fiber);
     if constexpr (inputs.tensile_energy) point.tensile_energy = chunk.load(energy);
     if constexpr (inputs.effective_stress) point.effective_stress = chunk.load_symmetric(stress);
@@ -154,7 +156,8 @@ struct DamageBatch {
 
   cleave_result run() const {
     const char* missing = nullptr;
-    if (reads_strain<Law> && !F && !(is_law_of_b<Law> && b)) missing = is_law_of_b<Law> ? "needs b or F" : "needs F";
+    if (reads_strain<Law> && !has_optional_fibers<Law> && !F && !(is_law_of_b<Law> && b))
+      missing = is_law_of_b<Law> ? "needs b or F" : "needs F";
     if (inputs.tensile_energy && !energy) missing = "needs the tensile energy";
     if (inputs.effective_stress && !stress) missing = "needs the effective stress";
     if (n > 0 && !state) missing = "needs its state variables";
@@ -174,7 +177,9 @@ struct KindOf<Kind::damage, Law> {
   };
   static void prepare(Instance&, const cleave_context*) {}
 
-  static constexpr std::uint64_t capabilities = common_capabilities<Law> |
+  static constexpr std::uint64_t strain_on_demand =
+      has_optional_fibers<Law> ? std::uint64_t(CLEAVE_ACCEPTS_B | CLEAVE_ACCEPTS_F) : 0;
+  static constexpr std::uint64_t capabilities = (common_capabilities<Law> & ~strain_on_demand) |
                                                 (damage_inputs<Law>.tensile_energy ? CLEAVE_NEEDS_TENSILE_ENERGY : 0) |
                                                 (damage_inputs<Law>.effective_stress ? CLEAVE_NEEDS_EFFECTIVE_STRESS : 0) |
                                                 (is_local_damage<Law> ? CLEAVE_DAMAGE_IS_LOCAL : 0);

@@ -18,6 +18,7 @@
 ///   static constexpr bool inversion_safe = true;      finite, restoring stress for J <= 0; else J <= 0 is FATAL
 ///   static constexpr bool isotropic = true;           laws of b always are
 ///   static constexpr int fibers = 1;                  or 2: directions per point the formulas read
+///   static constexpr bool optional_fibers = true;     read only where a parameter's `needs` says so
 ///
 /// A result that is not finite makes its point FATAL, whatever the law says.
 #ifndef CLEAVE_ELASTICITY_HPP

@@ -42,12 +42,38 @@ struct UnsupportedError {
   std::string text;
 };
 
+/// The isotropic part of a material's elastic law, not degraded.
+class ElasticProbe {
+ public:
+  explicit ElasticProbe(const cleave_elastic_probe* probe = nullptr)
+      : probe_(probe && CLEAVE_HAS(cleave_elastic_probe, probe, tensile_energy) ? probe : nullptr) {}
+  explicit operator bool() const { return probe_ != nullptr; }
+
+  double shear_modulus() const { return probe_->shear_modulus; }  ///< mu at rest [Pa]
+  double bulk_modulus() const { return probe_->bulk_modulus; }    ///< kappa at rest [Pa]
+  /// E = 9 kappa mu / (3 kappa + mu) [Pa]
+  double youngs_modulus() const { return 9 * bulk_modulus() * shear_modulus() / (3 * bulk_modulus() + shear_modulus()); }
+  /// psi_plus at F = stretch I [J/m^3]; NaN if the law offers no energy.
+  double tensile_energy_at_stretch(double stretch) const {
+    const double F[9] = {stretch, 0, 0, 0, stretch, 0, 0, 0, stretch};
+    return probe_->tensile_energy(probe_, F);
+  }
+
+ private:
+  const cleave_elastic_probe* probe_;
+};
+
 /// What a law may know of the material and scene it becomes part of.
 struct Surroundings {
   int dimension = 3;     ///< 2 (plane strain) or 3
   double cell_size = 0;  ///< m; 0 where there is no grid
   double density = 0;    ///< kg/m^3 at rest; 0 where none is known
+  ElasticProbe elastic;  ///< the elastic law of the same material; none for an elastic law itself
 };
+
+/// Capabilities that a law has only where the first, or the second, element of a parameter is not zero:
+/// {CLEAVE_NEEDS_FIBER, CLEAVE_NEEDS_SECOND_FIBER} for a list of which each element belongs to a family of fibres.
+using Needs = std::array<std::uint64_t, 2>;
 
 // ---------------------------------------------------------------- what is declared
 
@@ -93,6 +119,7 @@ struct NumberSpec {
   std::optional<double> default_value = std::nullopt;  ///< none: the scene must give it
   Bounds valid = {};                                   ///< outside, the formulas mean nothing and the parameter is refused
   std::optional<Bounds> physical = std::nullopt;       ///< what materials are known to have; outside, the host warns
+  Needs needs{};                                       ///< of a law with optional_fibers
   const char* description;
 };
 
@@ -124,6 +151,7 @@ struct ListSpec {
   unsigned min_count = 0, max_count = NumberList::capacity;
   std::optional<NumberList> default_value = std::nullopt;
   Bounds valid = {};  ///< of every element
+  Needs needs{};      ///< of a law with optional_fibers
   const char* description;
 };
 

@@ -59,7 +59,12 @@ struct PluginOf {
     *instance = nullptr;
     return guarded(message, [&]() -> cleave_result {
       Surroundings surroundings;
-      if (context) surroundings = {int(context->dimension), context->cell_size, context->density};
+      if (context) {
+        surroundings.dimension = int(context->dimension);
+        surroundings.cell_size = context->cell_size;
+        surroundings.density = context->density;
+        if (CLEAVE_HAS(cleave_context, context, elastic)) surroundings.elastic = ElasticProbe(context->elastic);
+      }
       auto created = std::make_unique<Instance>();
       Table::prepare(*created, context);
       fill(created->law, Values(schema(), parameters), surroundings);

@@ -34,7 +34,7 @@ std::string refusal_of(const GivenParameters& given) {
 /// What the plugin itself says to values the host would have stopped: create() is called directly.
 std::string plugins_own_refusal(const char* id, const std::vector<cleave_parameter>& values) {
   const auto plugin = sound_fixtures().load(id);
-  cleave_context context{sizeof context, 3, 0, 0, &soft};
+  cleave_context context{sizeof context, 3, 0, 0, &soft, nullptr};
   const cleave_parameters parameters{sizeof parameters, std::uint32_t(values.size()), values.data()};
   char text[256] = "", subject[64] = "";
   cleave_message message{sizeof message, sizeof text, text, sizeof subject, 0, subject};

@@ -42,6 +42,14 @@ inline constexpr int fiber_count = [] {
   else
     return 0;
 }();
+/// Fibres (and the F that carries them along, of a damage law) are read only where a parameter says so.
+template <class Law>
+inline constexpr bool has_optional_fibers = [] {
+  if constexpr (requires { Law::optional_fibers; })
+    return bool(Law::optional_fibers);
+  else
+    return false;
+}();
 template <class Law>
 inline constexpr bool is_inversion_safe = [] {
   if constexpr (requires { Law::inversion_safe; })
@@ -58,13 +66,15 @@ inline constexpr bool is_isotropic = [] {
 }();
 
 template <class Law>
-inline constexpr std::uint64_t common_capabilities = (is_law_of_b<Law> ? CLEAVE_ACCEPTS_B | CLEAVE_ACCEPTS_F : 0) |
-                                                     (is_law_of_F<Law> ? CLEAVE_ACCEPTS_F : 0) |
-                                                     (is_isotropic<Law> ? CLEAVE_ISOTROPIC : 0) |
-                                                     (is_inversion_safe<Law> ? CLEAVE_INVERSION_SAFE : 0) |
-                                                     (fiber_count<Law> > 0 ? CLEAVE_NEEDS_FIBER : 0) |
-                                                     (fiber_count<Law> > 1 ? CLEAVE_NEEDS_SECOND_FIBER : 0) | CLEAVE_SINGLE
-                                                     | CLEAVE_DOUBLE;
+inline constexpr std::uint64_t fiber_capabilities = has_optional_fibers<Law>
+                                                        ? 0
+                                                        : (fiber_count<Law> > 0 ? CLEAVE_NEEDS_FIBER : 0) |
+                                                              (fiber_count<Law> > 1 ? CLEAVE_NEEDS_SECOND_FIBER : 0);
+template <class Law>
+inline constexpr std::uint64_t common_capabilities =
+    (is_law_of_b<Law> ? CLEAVE_ACCEPTS_B | CLEAVE_ACCEPTS_F : 0) | (is_law_of_F<Law> ? CLEAVE_ACCEPTS_F : 0) |
+    (is_isotropic<Law> ? CLEAVE_ISOTROPIC : 0) |
+    (is_inversion_safe<Law> ? CLEAVE_INVERSION_SAFE : 0) | fiber_capabilities<Law> | CLEAVE_SINGLE | CLEAVE_DOUBLE;
 
 template <class Law, class T>
 CLEAVE_INLINE StrainOf<Law, T> strain_of(const Matrix3<T>& F) {

@@ -47,6 +47,7 @@ inline cleave_parameter_schema to_schema(const NumberSpec& spec) {
   auto schema = common_schema(CLEAVE_TYPE_NUMBER, spec.key, spec.unit, spec.description, !spec.default_value);
   schema.default_number = spec.default_value.value_or(0);
   set_bounds(schema, spec.valid, spec.physical.value_or(spec.valid));
+  std::copy(spec.needs.begin(), spec.needs.end(), schema.needs);
   return schema;
 }
 inline cleave_parameter_schema to_schema(const IntegerSpec& spec) {
@@ -80,6 +81,7 @@ inline cleave_parameter_schema to_schema(const ListSpec& spec) {
   schema.min_count = spec.min_count;
   schema.max_count = std::min(spec.max_count, NumberList::capacity);
   set_bounds(schema, spec.valid, spec.valid);
+  std::copy(spec.needs.begin(), spec.needs.end(), schema.needs);
   return schema;
 }
 
