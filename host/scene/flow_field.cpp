@@ -1,0 +1,305 @@
+#include "scene/flow_field.hpp"
+
+#include "common/error.hpp"
+
+#include <spdlog/fmt/fmt.h>
+#include <tbb/parallel_for.h>
+
+#include <Eigen/Eigenvalues>
+#include <Eigen/IterativeLinearSolvers>
+#include <Eigen/SparseCore>
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <cstdint>
+
+namespace cleave::scene {
+namespace {
+
+using Lattice = Eigen::Matrix<std::int64_t, 3, 1>;
+constexpr int none = -1;
+
+bool before(const Lattice& a, const Lattice& b) {
+  return std::lexicographical_compare(a.data(), a.data() + 3, b.data(), b.data() + 3);
+}
+
+/// The cells of a grid that hold a position, and which of them share faces.
+class Cells {
+ public:
+  Cells(const std::vector<Vector3>& positions, double edge, int dimension) : edge_(edge), dimension_(dimension) {
+    cells_.reserve(positions.size());
+    for (const Vector3& x : positions) cells_.push_back(containing(x));
+    std::sort(cells_.begin(), cells_.end(), before);
+    cells_.erase(std::unique(cells_.begin(), cells_.end()), cells_.end());
+    cells_.shrink_to_fit();
+    neighbors_.resize(cells_.size());
+    for (auto& n : neighbors_) n.fill(none);
+    for (int c = 0; c < size(); ++c)
+      for (int axis = 0; axis < dimension; ++axis) {
+        const int above = find(at(c) + Lattice::Unit(axis));
+        if (above == none) continue;
+        neighbors_[std::size_t(c)][std::size_t(2 * axis + 1)] = above;
+        neighbors_[std::size_t(above)][std::size_t(2 * axis)] = c;
+      }
+  }
+
+  int size() const { return int(cells_.size()); }
+  int dimension() const { return dimension_; }
+  const Lattice& at(int cell) const { return cells_[std::size_t(cell)]; }
+  /// Cells across the faces, low and high side of each axis; none where there is no cell.
+  const std::array<int, 6>& neighbors(int cell) const { return neighbors_[std::size_t(cell)]; }
+
+  Lattice containing(const Vector3& x) const {
+    Lattice cell = Lattice::Zero();
+    for (int axis = 0; axis < dimension_; ++axis) cell[axis] = std::int64_t(std::floor(x[axis] / edge_));
+    return cell;
+  }
+  Vector3 center(int cell) const {
+    Vector3 x = Vector3::Zero();
+    for (int axis = 0; axis < dimension_; ++axis) x[axis] = (double(at(cell)[axis]) + 0.5) * edge_;
+    return x;
+  }
+  int find(const Lattice& cell) const {
+    const auto found = std::lower_bound(cells_.begin(), cells_.end(), cell, before);
+    return found != cells_.end() && *found == cell ? int(found - cells_.begin()) : none;
+  }
+
+  /// The cell at an offset of at most one cell along each axis, if faces lead there: not across a gap.
+  int reach(int cell, Lattice offset) const {
+    if (offset.isZero()) return cell;
+    for (int axis = 0; axis < dimension_; ++axis) {
+      if (offset[axis] == 0) continue;
+      const int next = neighbors(cell)[std::size_t(2 * axis + (offset[axis] > 0 ? 1 : 0))];
+      if (next == none) continue;
+      Lattice rest = offset;
+      rest[axis] = 0;
+      if (const int end = reach(next, rest); end != none) return end;
+    }
+    return none;
+  }
+  template <class Visit>
+  void for_each_around(int cell, const Visit& visit) const {
+    const int depth = dimension_ == 3 ? 1 : 0;
+    for (int k = -depth; k <= depth; ++k)
+      for (int j = -1; j <= 1; ++j)
+        for (int i = -1; i <= 1; ++i) {
+          const Lattice offset(i, j, k);
+          if (offset.isZero()) continue;
+          if (const int other = reach(cell, offset); other != none) visit(other, Vector3(i, j, k));
+        }
+  }
+
+ private:
+  double edge_;
+  int dimension_;
+  std::vector<Lattice> cells_;
+  std::vector<std::array<int, 6>> neighbors_;
+};
+
+enum class Role : std::uint8_t { free, inflow, outflow };
+
+std::vector<Role> assign_roles(const Cells& cells, const SignedDistance& inflow, const SignedDistance& outflow) {
+  std::vector<Role> roles(std::size_t(cells.size()), Role::free);
+  int in = 0, out = 0, both = 0;
+  for (int c = 0; c < cells.size(); ++c) {
+    const Vector3 x = cells.center(c);
+    const bool is_in = inflow.distance(x) <= 0, is_out = outflow.distance(x) <= 0;
+    in += is_in;
+    out += is_out;
+    both += is_in && is_out;
+    if (is_in || is_out) roles[std::size_t(c)] = is_in ? Role::inflow : Role::outflow;
+  }
+  const auto of_the_body = fmt::format("the {} cells of the body", cells.size());
+  if (in == 0 || out == 0)
+    throw InputError(
+        fmt::format("the '{}' of the fibers holds the centre of none of {}; make it larger or move it into the body",
+                    in == 0 ? "inflow" : "outflow", of_the_body));
+  if (both > 0)
+    throw InputError(fmt::format("'inflow' and 'outflow' of the fibers share {} of {}; move them apart", both, of_the_body));
+  return roles;
+}
+
+/// Connected parts of the body, as the number of the part of each cell.
+std::vector<int> connected_parts(const Cells& cells, int& count) {
+  std::vector<int> part(std::size_t(cells.size()), none), open;
+  count = 0;
+  for (int start = 0; start < cells.size(); ++start) {
+    if (part[std::size_t(start)] != none) continue;
+    part[std::size_t(start)] = count;
+    open.assign(1, start);
+    while (!open.empty()) {
+      const int c = open.back();
+      open.pop_back();
+      for (const int n : cells.neighbors(c))
+        if (n != none && part[std::size_t(n)] == none) {
+          part[std::size_t(n)] = count;
+          open.push_back(n);
+        }
+    }
+    ++count;
+  }
+  return part;
+}
+
+/// Every part of the body has to reach both regions, or there is no flow in it.
+void check_connected(const Cells& cells, const std::vector<Role>& roles) {
+  int count = 0;
+  const auto part = connected_parts(cells, count);
+  std::vector<std::array<int, 3>> of_role(std::size_t(count), {0, 0, 0});
+  for (std::size_t c = 0; c < part.size(); ++c) ++of_role[std::size_t(part[c])][std::size_t(roles[c])];
+  int apart = 0, through = 0, in = 0, out = 0;
+  for (const auto& [free, inflow, outflow] : of_role) {
+    in += inflow;
+    out += outflow;
+    if (inflow > 0 && outflow > 0)
+      ++through;
+    else
+      apart += free + inflow + outflow;
+  }
+  if (through == 0)
+    throw InputError(fmt::format(
+        "the body does not connect 'inflow' ({} cells) and 'outflow' ({} cells) of the fibers: its {} cells are in {} parts, "
+        "none of which reaches both",
+        in, out, cells.size(), count));
+  if (apart > 0)
+    throw InputError(
+        fmt::format("{} of the {} cells of the body are not connected to the part between 'inflow' and 'outflow' of the "
+                    "fibers: the body is "
+                    "in {} parts, {} of which reach both; make each part a body of its own",
+                    apart, cells.size(), count, through));
+}
+
+/// phi in every cell. One equation for each free cell: the fluxes through its faces cancel.
+std::vector<double> solve_potential(const Cells& cells, const std::vector<Role>& roles) {
+  std::vector<int> unknown(roles.size(), none);
+  int unknowns = 0;
+  for (std::size_t c = 0; c < roles.size(); ++c)
+    if (roles[c] == Role::free) unknown[c] = unknowns++;
+  std::vector<double> phi(roles.size(), 0);
+  for (std::size_t c = 0; c < roles.size(); ++c) phi[c] = roles[c] == Role::inflow ? 1 : 0;
+  if (unknowns == 0) return phi;
+
+  std::vector<Eigen::Triplet<double>> entries;
+  Eigen::VectorXd source = Eigen::VectorXd::Zero(unknowns);
+  for (int c = 0; c < cells.size(); ++c) {
+    const int row = unknown[std::size_t(c)];
+    if (row == none) continue;
+    double faces = 0;
+    for (const int n : cells.neighbors(c)) {
+      if (n == none) continue;
+      ++faces;
+      if (unknown[std::size_t(n)] != none)
+        entries.emplace_back(row, unknown[std::size_t(n)], -1.0);
+      else
+        source[row] += phi[std::size_t(n)];
+    }
+    entries.emplace_back(row, row, faces);
+  }
+  Eigen::SparseMatrix<double> laplacian(unknowns, unknowns);
+  laplacian.setFromTriplets(entries.begin(), entries.end());
+  Eigen::ConjugateGradient<Eigen::SparseMatrix<double>, Eigen::Lower | Eigen::Upper, Eigen::IncompleteCholesky<double>> solver;
+  // Directions are wanted in dead ends too, where the gradient is a small fraction of that of the main flow.
+  constexpr double tolerance = 1e-12;
+  solver.setTolerance(tolerance);
+  solver.setMaxIterations(std::max(1000, 20 * int(std::cbrt(unknowns))));
+  solver.compute(laplacian);
+  const Eigen::VectorXd solution = solver.solve(source);
+  if (!(solver.error() < 1e-8))
+    throw InputError(fmt::format("the flow of the fibers did not converge: residual {:.3g} after {} iterations over {} cells",
+                                 solver.error(), solver.iterations(), unknowns));
+  for (std::size_t c = 0; c < roles.size(); ++c)
+    if (unknown[c] != none) phi[c] = solution[unknown[c]];
+  return phi;
+}
+
+/// Gradient of phi per cell of a free cell: the linear function that fits the cells around best, weighted with 1/distance^2.
+Vector3 gradient(const Cells& cells, const std::vector<double>& phi, int cell) {
+  Matrix3 moments = Matrix3::Zero();
+  Vector3 differences = Vector3::Zero();
+  cells.for_each_around(cell, [&](int other, const Vector3& offset) {
+    const double weight = 1 / offset.squaredNorm();
+    moments += weight * offset * offset.transpose();
+    differences += weight * (phi[std::size_t(other)] - phi[std::size_t(cell)]) * offset;
+  });
+  // A body one cell thick says nothing of the gradient across.
+  const Eigen::SelfAdjointEigenSolver<Matrix3> axes(moments);
+  Vector3 result = Vector3::Zero();
+  for (int i = 0; i < 3; ++i)
+    if (axes.eigenvalues()[i] > 1e-6)
+      result += axes.eigenvectors().col(i).dot(differences) / axes.eigenvalues()[i] * axes.eigenvectors().col(i);
+  return result;
+}
+
+/// Gives the cells without a direction the mean of those around them, layer by layer.
+void carry_on(const Cells& cells, std::vector<Vector3>& directions) {
+  std::vector<int> open;
+  for (int c = 0; c < cells.size(); ++c)
+    if (directions[std::size_t(c)].isZero(0)) open.push_back(c);
+  while (!open.empty()) {
+    std::vector<std::pair<int, Vector3>> reached;
+    std::vector<int> left;
+    for (const int c : open) {
+      Vector3 sum = Vector3::Zero(), any = Vector3::Zero();
+      cells.for_each_around(c, [&](int other, const Vector3&) {
+        const Vector3& d = directions[std::size_t(other)];
+        sum += d;
+        if (!d.isZero(0)) any = d;
+      });
+      if (any.isZero(0))
+        left.push_back(c);
+      else
+        reached.emplace_back(c, sum.norm() > 1e-6 ? Vector3(sum.normalized()) : any);
+    }
+    for (const auto& [c, direction] : reached) directions[std::size_t(c)] = direction;
+    open = std::move(left);
+  }
+}
+
+std::vector<Vector3> cell_directions(const Cells& cells, const std::vector<Role>& roles, const std::vector<double>& phi) {
+  std::vector<Vector3> directions(roles.size(), Vector3::Zero());
+  tbb::parallel_for(0, cells.size(), [&](int c) {
+    if (roles[std::size_t(c)] == Role::free) directions[std::size_t(c)] = -gradient(cells, phi, c);
+  });
+  double largest = 0;
+  for (const Vector3& g : directions) largest = std::max(largest, g.norm());
+  // Below this share of the fastest flow the gradient is no more than what the solver leaves.
+  constexpr double slowest = 1e-6;
+  for (Vector3& g : directions) g = g.norm() > slowest * largest ? Vector3(g.normalized()) : Vector3(Vector3::Zero());
+  return directions;
+}
+
+/// The mean of the directions of the cells around x, weighted as in trilinear interpolation.
+Vector3 interpolate(const Cells& cells, const std::vector<Vector3>& directions, const Vector3& x, double edge) {
+  const int home = cells.find(cells.containing(x));
+  const Vector3 within = (x - cells.center(home)) / edge;
+  Vector3 sum = directions[std::size_t(home)];
+  for (int axis = 0; axis < cells.dimension(); ++axis) sum *= 1 - std::abs(within[axis]);
+  cells.for_each_around(home, [&](int other, const Vector3& offset) {
+    double weight = 1;
+    for (int axis = 0; axis < cells.dimension(); ++axis)
+      weight *= std::max(0.0, offset[axis] == 0 ? 1 - std::abs(within[axis]) : offset[axis] * within[axis]);
+    sum += weight * directions[std::size_t(other)];
+  });
+  return sum.norm() > 1e-6 ? Vector3(sum.normalized()) : directions[std::size_t(home)];
+}
+
+}  // namespace
+
+std::vector<Vector3> flow_directions(const SignedDistance& inflow, const SignedDistance& outflow,
+                                     const std::vector<Vector3>& positions, double cell_size, int dimension) {
+  const Cells cells(positions, cell_size, dimension);
+  const auto roles = assign_roles(cells, inflow, outflow);
+  check_connected(cells, roles);
+  auto directions = cell_directions(cells, roles, solve_potential(cells, roles));
+  if (std::all_of(directions.begin(), directions.end(), [](const Vector3& d) { return d.isZero(0); }))
+    throw InputError(
+        fmt::format("'inflow' and 'outflow' of the fibers leave no cell of the body between them ({} cells)", cells.size()));
+  carry_on(cells, directions);
+  std::vector<Vector3> field(positions.size());
+  tbb::parallel_for(std::size_t{0}, positions.size(),
+                    [&](std::size_t i) { field[i] = interpolate(cells, directions, positions[i], cell_size); });
+  return field;
+}
+
+}  // namespace cleave::scene
