@@ -213,7 +213,7 @@ void check_fibers(const PluginUse& use, const Description& law, const Material& 
   if (!material.fibers && (needs_second || law.can(CLEAVE_NEEDS_FIBER)))
     diagnostics.error(use.where, "'" + law.id + "' needs the direction of the fibers; " +
                                      (needs_second ? remedies.both_fibers : remedies.fiber));
-  else if (needs_second && !material.fibers->second)
+  else if (needs_second && !material.fibers->second && material.fibers->layout == Fibers::Layout::uniform)
     diagnostics.error(use.where, "'" + law.id + "' needs the direction of a second family of fibers; " + remedies.second_fiber);
 }
 

@@ -1,9 +1,11 @@
 #pragma once
 
 #include "plugins/registry.hpp"
+#include "scene/fiber_field.hpp"
 #include "scene/rigid_motion.hpp"
 #include "scene/sampling.hpp"
 #include "scene/shape.hpp"
+#include "scene/variation.hpp"
 
 #include <filesystem>
 #include <optional>
@@ -45,10 +47,7 @@ struct PluginUse {
   Location where;
 };
 
-struct Fibers {
-  Vector3 direction = Vector3::UnitX();  ///< unit
-  std::optional<Vector3> second;         ///< unit, orthogonal to the first
-};
+using Fibers = scene::FiberSpec;
 
 struct Material {
   std::string name;
@@ -72,6 +71,8 @@ struct Body {
   scene::SamplingSpec sampling;
   Vector3 velocity = Vector3::Zero();
   Spin spin;
+  std::optional<Fibers> fibers;                   ///< empty: the material's
+  std::optional<scene::VariationSpec> toughness;  ///< factor on the toughness of the material's damage law; empty: 1
   Location where;
 };
 

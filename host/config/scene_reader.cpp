@@ -1,11 +1,10 @@
 #include "config/catalog.hpp"
 
 #include "common/error.hpp"
-#include "common/nearest.hpp"
+#include "config/field_reader.hpp"
 #include "config/geometry_reader.hpp"
 #include "config/law_reader.hpp"
 #include "config/overrides.hpp"
-#include "plugins/parameters.hpp"
 
 #include <algorithm>
 #include <cmath>
@@ -140,28 +139,28 @@ Simulation read_simulation(TableReader table) {
   return simulation;
 }
 
-std::optional<Fibers> read_fibers(TableReader table) {
-  std::optional<Vector3> direction;
-  if (table.require("direction", "the direction of the fibers")) direction = table.direction("direction");
-  auto second = table.direction("second");
-  table.finish();
-  if (!direction) return std::nullopt;
-  if (second) {
-    const double cosine = direction->dot(*second);
-    if (std::abs(cosine) > 1e-3) {
-      const double angle = std::acos(std::clamp(cosine, -1.0, 1.0)) * 180 / EIGEN_PI;
-      table.error_at("second", "'second' must be at right angles to 'direction', is at " +
-                                   plugins::number_text(std::round(angle * 100) / 100) + " degrees");
-      return std::nullopt;
-    }
-    // What is orthogonal to rounding is kept to the bit, so that a written scene reads back the same.
-    if (std::abs(cosine) > 1e-15) second = (*second - cosine * *direction).normalized();
-  }
-  return Fibers{*direction, second};
+/// A material and what checking it with its bodies has to know.
+struct ReadMaterial {
+  Material material;
+  bool has_damage = false;      ///< the file gives a damage law, usable or not
+  bool fibers_refused = false;  ///< its own or a body's cannot be used
+};
+
+/// fibers or fibres; `refused` if they are given and cannot be used.
+std::optional<Fibers> read_fibers_of(TableReader& table, bool& refused) {
+  const bool american = table.has("fibers"), british = table.has("fibres");
+  if (american && british) table.refuse("fibres", "and 'fibers' are the same; give one of them");
+  if (!american && !british) return std::nullopt;
+  const char* key = american ? "fibers" : "fibres";
+  std::optional<Fibers> fibers;
+  if (auto reader = table.table(key, "'" + std::string(key) + "' of " + table.what())) fibers = read_fibers(std::move(*reader));
+  refused = refused || !fibers;
+  return fibers;
 }
 
-Material read_material(TableReader table, Names& names, Precision precision) {
-  Material material;
+ReadMaterial read_material(TableReader table, Names& names) {
+  ReadMaterial read;
+  Material& material = read.material;
   material.where = table.where();
   material.name = names.read(table);
   material.density = table.required_number("density", "kg/m^3", Range::positive());
@@ -175,15 +174,10 @@ Material read_material(TableReader table, Names& names, Precision precision) {
   material.plasticity = law(plugins::Kind::plasticity);
   material.damage = law(plugins::Kind::damage);
   material.constraint = law(plugins::Kind::constraint);
-  const bool american = table.has("fibers"), british = table.has("fibres");
-  if (american && british) table.refuse("fibres", "and 'fibers' are the same; give one of them");
-  const char* key = american ? "fibers" : "fibres";
-  if (auto fibers = table.table(key, "'" + std::string(key) + "' of " + table.what()))
-    material.fibers = read_fibers(std::move(*fibers));
+  read.has_damage = table.has("damage");
+  material.fibers = read_fibers_of(table, read.fibers_refused);
   table.finish();
-  const bool fibers_refused = (american || british) && !material.fibers;
-  if (!fibers_refused) check_combination(material, precision, table.context());
-  return material;
+  return read;
 }
 
 void check_particles_per_cell(TableReader& table, const scene::SamplingSpec& sampling) {
@@ -235,7 +229,7 @@ Spin read_spin(TableReader table) {
   return spin;
 }
 
-Body read_body(TableReader table, Names& names, const Names& materials) {
+Body read_body(TableReader table, Names& names, const Names& materials, std::vector<ReadMaterial>& read_materials) {
   Body body;
   body.where = table.where();
   body.name = names.read(table);
@@ -253,8 +247,34 @@ Body read_body(TableReader table, Names& names, const Names& materials) {
   read_sampling(table, body);
   if (const auto velocity = table.vector("velocity", {.unit = "m/s", .planar = true})) body.velocity = *velocity;
   if (auto spin = table.table("spin", "'spin' of " + table.what())) body.spin = read_spin(std::move(*spin));
+  bool fibers_refused = false;
+  body.fibers = read_fibers_of(table, fibers_refused);
+  if (auto toughness = table.table("toughness", "'toughness' of " + table.what()))
+    body.toughness = read_variation(std::move(*toughness));
+  for (ReadMaterial& read : read_materials) {
+    if (read.material.name != body.material || body.material.empty()) continue;
+    read.fibers_refused = read.fibers_refused || fibers_refused;
+    if (!read.has_damage)
+      table.refuse("toughness", "varies the toughness of a damage law, which material '" + body.material +
+                                    "' does not have; add to it: damage = { plugin = ... }");
+  }
   table.finish();
   return body;
+}
+
+/// Whether the laws of a material work together, with the fibers that it or else all of its bodies have.
+void check_material(const ReadMaterial& read, const std::vector<Body>& bodies, Precision precision, ReadContext& context) {
+  if (read.fibers_refused) return;
+  Material material = read.material;
+  const Body* without = nullptr;
+  const Body* with = nullptr;
+  for (const Body& body : bodies)
+    if (body.material == material.name) (body.fibers ? with : without) = &body;
+  if (!material.fibers && with && !without) {
+    material.fibers = with->fibers;
+    material.where = with->where;
+  }
+  check_combination(material, precision, context);
 }
 
 Collider read_collider(TableReader table, Names& names, const std::string& fallback) {
@@ -355,14 +375,19 @@ Output read_output(TableReader table, const Scene& scene) {
 Scene read_scene(TableReader root) {
   Scene scene;
   Names materials("material"), bodies("body"), colliders("collider"), handles("handle");
+  std::vector<ReadMaterial> read_materials;
   if (root.require("simulation", "a table with at least 'cell_size' and 'end_time'"))
     if (auto simulation = root.table("simulation", "[simulation]")) scene.simulation = read_simulation(std::move(*simulation));
   if (root.require("material", "at least one [[material]]"))
     for (TableReader& table : root.tables("material", "[[material]]"))
-      scene.materials.push_back(read_material(std::move(table), materials, scene.simulation.precision));
+      read_materials.push_back(read_material(std::move(table), materials));
   if (root.require("body", "at least one [[body]]"))
     for (TableReader& table : root.tables("body", "[[body]]"))
-      scene.bodies.push_back(read_body(std::move(table), bodies, materials));
+      scene.bodies.push_back(read_body(std::move(table), bodies, materials, read_materials));
+  for (ReadMaterial& read : read_materials) {
+    check_material(read, scene.bodies, scene.simulation.precision, root.context());
+    scene.materials.push_back(std::move(read.material));
+  }
   for (TableReader& table : root.tables("collider", "[[collider]]"))
     scene.colliders.push_back(
         read_collider(std::move(table), colliders, "collider-" + std::to_string(scene.colliders.size() + 1)));

@@ -1,6 +1,7 @@
 #include "config/catalog.hpp"
 
 #include "config/angles.hpp"
+#include "config/field_reader.hpp"
 #include "config/geometry_reader.hpp"
 #include "plugins/parameters.hpp"
 
@@ -159,6 +160,34 @@ std::string law_text(const PluginUse& use, const PluginCatalog& catalog) {
   return table.text();
 }
 
+std::string fibers_text(const Fibers& fibers) {
+  using Layout = Fibers::Layout;
+  InlineTable table;
+  table.add("layout", quoted(layout_names()[std::size_t(fibers.layout)]));
+  if (fibers.layout == Layout::uniform) table.add("direction", vector(fibers.direction));
+  if (fibers.center) table.add("center", vector(*fibers.center));
+  if (fibers.axis) table.add("axis", vector(*fibers.axis));
+  if (fibers.layout == Layout::helical) table.add("angle", number(degrees(fibers.angle)));
+  if (fibers.layout == Layout::grid) {
+    table.add("file", quoted(fibers.file.string())).add("grid", quoted(fibers.grid));
+    if (!fibers.second_grid.empty()) table.add("second_grid", quoted(fibers.second_grid));
+  }
+  if (fibers.layout == Layout::flow)
+    table.add("inflow", shape_text(*fibers.inflow)).add("outflow", shape_text(*fibers.outflow));
+  if (fibers.second) table.add("second", vector(*fibers.second));
+  return table.text();
+}
+
+std::string variation_text(const scene::VariationSpec& variation) {
+  return InlineTable()
+      .add("pattern", quoted(pattern_names()[std::size_t(variation.pattern)]))
+      .add("size", number(variation.size))
+      .add("minimum", number(variation.minimum))
+      .add("maximum", number(variation.maximum))
+      .add("seed", std::to_string(variation.seed))
+      .text();
+}
+
 void write_simulation(std::ostream& out, const Simulation& simulation) {
   static constexpr const char* transfers[] = {"apic", "flip", "pic"};
   out << "[simulation]\n"
@@ -183,12 +212,7 @@ void write_material(std::ostream& out, const Material& material, const PluginCat
   if (material.plasticity) out << "plasticity = " << law_text(*material.plasticity, catalog) << "\n";
   if (material.damage) out << "damage = " << law_text(*material.damage, catalog) << "\n";
   if (material.constraint) out << "constraint = " << law_text(*material.constraint, catalog) << "\n";
-  if (material.fibers) {
-    InlineTable fibers;
-    fibers.add("direction", vector(material.fibers->direction));
-    if (material.fibers->second) fibers.add("second", vector(*material.fibers->second));
-    out << "fibers = " << fibers.text() << "\n";
-  }
+  if (material.fibers) out << "fibers = " << fibers_text(*material.fibers) << "\n";
 }
 
 void write_body(std::ostream& out, const Body& body, int dimension) {
@@ -210,6 +234,8 @@ void write_body(std::ostream& out, const Body& body, int dimension) {
   spin.add("angular_velocity", rotation(body.spin.angular_velocity, dimension));
   if (body.spin.center) spin.add("center", vector(*body.spin.center));
   out << "spin = " << spin.text() << "  # degrees/s\n";
+  if (body.fibers) out << "fibers = " << fibers_text(*body.fibers) << "\n";
+  if (body.toughness) out << "toughness = " << variation_text(*body.toughness) << "\n";
 }
 
 void write_collider(std::ostream& out, const Collider& collider, int dimension) {

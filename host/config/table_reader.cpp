@@ -203,8 +203,8 @@ std::optional<Vector3> TableReader::vector(std::string_view key, const VectorFor
   return Vector3((*values)[0], (*values)[1], values->size() == 3 ? (*values)[2] : form.missing_z);
 }
 
-std::optional<Vector3> TableReader::direction(std::string_view key) {
-  const auto vector = this->vector(key, {});
+std::optional<Vector3> TableReader::direction(std::string_view key, const VectorForm& form) {
+  const auto vector = this->vector(key, form);
   if (!vector) return std::nullopt;
   // A vector of unit length is kept to the bit, so that a written scene reads back the same.
   if (std::abs(vector->squaredNorm() - 1) < 1e-14) return vector;

@@ -87,7 +87,7 @@ class TableReader {
   /// Index of the chosen word.
   std::optional<std::size_t> choice(std::string_view key, const std::vector<std::string>& words);
   std::optional<Vector3> vector(std::string_view key, const VectorForm&);
-  std::optional<Vector3> direction(std::string_view key);  ///< normalised, never zero
+  std::optional<Vector3> direction(std::string_view key, const VectorForm& = {});  ///< normalised, never zero
   std::optional<std::vector<double>> numbers(std::string_view key, const std::string& unit, std::size_t minimum_count,
                                              std::size_t maximum_count, Range = {});
   /// An existing file of one of the types, as an absolute path.

@@ -2,7 +2,6 @@
 
 #include "common/error.hpp"
 
-#include <algorithm>
 #include <cmath>
 
 namespace cleave::mpm {
@@ -23,6 +22,10 @@ std::vector<SampledBody> sample_bodies(const config::Scene& scene) {
         const double volume = std::pow(sim.cell_size, sim.dimension) / body.sampling.particles_per_cell;
         s.particles = scene::read_particles(*body.particle_file, sim.dimension, volume);
       }
+      const auto& positions = s.particles.positions;
+      if (const auto& fibers = body.fibers ? body.fibers : scene.materials[s.material].fibers)
+        s.fibers = scene::lay_fibers(*fibers, positions, sim.cell_size, sim.dimension);
+      if (body.toughness) s.toughness = scene::sample_variation(*body.toughness, positions, sim.dimension);
     } catch (const InputError& e) {
       throw InputError(error_at(body.where) + "body '" + body.name + "': " + e.what());
     }

@@ -261,9 +261,9 @@ void MpmSimulation<T, D>::populate() {
           component++;
         }
       if (material.layout().fiber)
-        for (int a = 0; a < 3; a++) fibers[body.material].push_back(material.fibers()->direction[a]);
+        for (int a = 0; a < 3; a++) fibers[body.material].push_back(body.fibers.first[i][a]);
       if (material.layout().second_fiber)
-        for (int a = 0; a < 3; a++) fibers[body.material].push_back((*material.fibers()->second)[a]);
+        for (int a = 0; a < 3; a++) fibers[body.material].push_back(body.fibers.second[i][a]);
       std::uint16_t handle = Handles<T, D>::none;
       for (std::size_t h = 0; h < regions.size(); h++)
         if (handle == Handles<T, D>::none && (scene_.handles[h].body.empty() || scene_.handles[h].body == body.name) &&

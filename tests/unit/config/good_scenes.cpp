@@ -96,6 +96,39 @@ TEST(Fibers, AreUnitAndOrthogonal) {
   EXPECT_NEAR(fibers.direction.dot(*fibers.second), 0, 1e-15);
 }
 
+TEST(Fibers, AreThoseOfTheBodyOrElseOfItsMaterial) {
+  const Scene scene = load("fields_3d.toml");
+  EXPECT_EQ(scene.materials[0].fibers->layout, Fibers::Layout::flow);
+  EXPECT_FALSE(scene.materials[1].fibers) << "all its bodies have their own";
+  EXPECT_EQ(scene.materials[0].fibers->outflow->scale, Vector3(2, 2, 2));
+  EXPECT_FALSE(scene.bodies[0].fibers);
+  const Fibers& helix = *scene.bodies[1].fibers;
+  EXPECT_EQ(helix.layout, Fibers::Layout::helical);
+  EXPECT_EQ(*helix.center, Vector3(1, 2, 3));
+  EXPECT_TRUE(helix.axis->isApprox(Vector3(1, 2, 2) / 3, 1e-15));
+  EXPECT_NEAR(helix.angle, -33.3 * std::numbers::pi / 180, 1e-15);
+  EXPECT_EQ(scene.bodies[2].fibers->second_grid, "other");
+  EXPECT_EQ(scene.bodies[7].fibers->direction, Vector3(0.6, 0, 0.8));
+}
+
+TEST(Fibers, NeedNoSecondDirectionInThePlane) {
+  const Scene scene = load("fields_2d.toml");
+  EXPECT_EQ(*scene.materials[0].fibers->axis, Vector3::UnitZ());
+  EXPECT_TRUE(scene.bodies[3].fibers->second->isApprox(Vector3(-0.8, 0.6, 0), 1e-15));
+}
+
+TEST(Toughness, HoldsWhatTheFileSays) {
+  const Scene scene = load("fields_3d.toml");
+  const scene::VariationSpec& voronoi = *scene.bodies[0].toughness;
+  EXPECT_EQ(voronoi.pattern, scene::VariationSpec::Pattern::voronoi);
+  EXPECT_EQ(voronoi.size, 0.2);
+  EXPECT_EQ(voronoi.minimum, 0.5);
+  EXPECT_EQ(voronoi.maximum, 2);
+  EXPECT_EQ(voronoi.seed, 9u);
+  EXPECT_EQ(scene.bodies[1].toughness->pattern, scene::VariationSpec::Pattern::noise);
+  EXPECT_FALSE(scene.bodies[2].toughness);
+}
+
 TEST(FlatScene, TakesVectorsOfTwoAndAnglesAboutZ) {
   const Scene scene = load("everything_2d.toml");
   EXPECT_EQ(scene.simulation.gravity, Vector3(0, -9.81, 0));
@@ -130,6 +163,14 @@ TEST(Warnings, TellOfUnphysicalParametersAndUnreadFibers) {
               ElementsAre(file + ":5:1: warning: no law of material 'jelly' reads its fibers",
                           file + ":8:57: warning: 'youngs_modulus' is 5e+12, outside what materials are known to have: "
                                  "in [1, 2e+12] Pa"));
+}
+
+TEST(Warnings, TellOfFibersOfABodyThatNoLawReads) {
+  std::vector<std::string> warnings;
+  const testing::FakeCatalog catalog;
+  load_scene(folder / "minimal.toml", {parse_override("body.0.fibers={ direction = [1, 0, 0] }")}, catalog, &warnings);
+  EXPECT_THAT(warnings,
+              ElementsAre((folder / "minimal.toml").string() + ":10:1: warning: no law of material 'jelly' reads its fibers"));
 }
 
 TEST(Registry, ServesAsTheCatalogOfAScene) {

@@ -78,6 +78,27 @@ void expect_equal(const std::optional<PluginUse>& a, const std::optional<PluginU
   if (a) expect_equal(*a, *b);
 }
 
+void expect_equal(const std::optional<scene::ShapeSpec>& a, const std::optional<scene::ShapeSpec>& b) {
+  ASSERT_EQ(a.has_value(), b.has_value());
+  if (a) expect_equal(*a, *b);
+}
+
+void expect_equal(const std::optional<Fibers>& a, const std::optional<Fibers>& b) {
+  ASSERT_EQ(a.has_value(), b.has_value());
+  if (!a) return;
+  EXPECT_EQ(a->direction, b->direction);
+  EXPECT_EQ(a->second, b->second);
+  EXPECT_EQ(a->layout, b->layout);
+  EXPECT_EQ(a->center, b->center);
+  EXPECT_EQ(a->axis, b->axis);
+  EXPECT_EQ(a->angle, b->angle);
+  EXPECT_EQ(a->file, b->file);
+  EXPECT_EQ(a->grid, b->grid);
+  EXPECT_EQ(a->second_grid, b->second_grid);
+  expect_equal(a->inflow, b->inflow);
+  expect_equal(a->outflow, b->outflow);
+}
+
 void expect_equal(const Scene& a, const Scene& b) {
   EXPECT_EQ(a.simulation.dimension, b.simulation.dimension);
   EXPECT_EQ(a.simulation.cell_size, b.simulation.cell_size);
@@ -100,18 +121,14 @@ void expect_equal(const Scene& a, const Scene& b) {
     expect_equal(m.plasticity, n.plasticity);
     expect_equal(m.damage, n.damage);
     expect_equal(m.constraint, n.constraint);
-    ASSERT_EQ(m.fibers.has_value(), n.fibers.has_value());
-    if (!m.fibers) continue;
-    EXPECT_EQ(m.fibers->direction, n.fibers->direction);
-    EXPECT_EQ(m.fibers->second, n.fibers->second);
+    expect_equal(m.fibers, n.fibers);
   }
   ASSERT_EQ(a.bodies.size(), b.bodies.size());
   for (std::size_t i = 0; i < a.bodies.size(); ++i) {
     const Body &m = a.bodies[i], &n = b.bodies[i];
     EXPECT_EQ(m.name, n.name);
     EXPECT_EQ(m.material, n.material);
-    ASSERT_EQ(m.shape.has_value(), n.shape.has_value());
-    if (m.shape) expect_equal(*m.shape, *n.shape);
+    expect_equal(m.shape, n.shape);
     EXPECT_EQ(m.particle_file, n.particle_file);
     EXPECT_EQ(m.sampling.pattern, n.sampling.pattern);
     EXPECT_EQ(m.sampling.particles_per_cell, n.sampling.particles_per_cell);
@@ -120,6 +137,14 @@ void expect_equal(const Scene& a, const Scene& b) {
     EXPECT_EQ(m.velocity, n.velocity);
     EXPECT_EQ(m.spin.angular_velocity, n.spin.angular_velocity);
     EXPECT_EQ(m.spin.center, n.spin.center);
+    expect_equal(m.fibers, n.fibers);
+    ASSERT_EQ(m.toughness.has_value(), n.toughness.has_value());
+    if (!m.toughness) continue;
+    EXPECT_EQ(m.toughness->pattern, n.toughness->pattern);
+    EXPECT_EQ(m.toughness->size, n.toughness->size);
+    EXPECT_EQ(m.toughness->minimum, n.toughness->minimum);
+    EXPECT_EQ(m.toughness->maximum, n.toughness->maximum);
+    EXPECT_EQ(m.toughness->seed, n.toughness->seed);
   }
   ASSERT_EQ(a.colliders.size(), b.colliders.size());
   for (std::size_t i = 0; i < a.colliders.size(); ++i) {
@@ -154,7 +179,8 @@ TEST_P(RoundTrip, WrittenSceneReadsBackToTheBit) {
 }
 
 INSTANTIATE_TEST_SUITE_P(Scenes, RoundTrip,
-                         ::testing::Values("minimal.toml", "everything_3d.toml", "everything_2d.toml", "odd_but_valid.toml"));
+                         ::testing::Values("minimal.toml", "everything_3d.toml", "everything_2d.toml", "odd_but_valid.toml",
+                                           "fields_3d.toml", "fields_2d.toml"));
 
 TEST(RoundTrip, KeepsAwkwardNumbersAndPaths) {
   const testing::FakeCatalog catalog;
