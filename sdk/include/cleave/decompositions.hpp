@@ -1,4 +1,6 @@
-/// Decompositions of 3x3 tensors over plain numbers and Lanes: symmetric_eigen, svd, polar, qr. polar and qr also take Duals.
+/// Decompositions of 3x3 tensors over plain numbers and Lanes: symmetric_eigen, svd, polar, qr, and the logarithm log(A) of a
+/// symmetric tensor. polar, qr and log also take Duals; eigenvectors do not, because where eigenvalues meet they have no
+/// derivative, while functions of the whole tensor keep theirs.
 ///
 /// Every rotation returned has determinant +1. Errors are a few units in the last place of the norm of the argument, for every
 /// finite argument whose squared norm neither overflows nor underflows, singular and inverted ones included. A lane's result
@@ -170,6 +172,48 @@ CLEAVE_OUT_OF_LINE SymmetricEigen<T> symmetric_eigen(const Symmetric3<T>& A) {
   order(0, 2);
   order(1, 2);
   return {{scale * a(0, 0), scale * a(1, 1), scale * a(2, 2)}, v};
+}
+
+/// log A = V diag(log values) V^T of a positive definite A; NaN where an eigenvalue is negative.
+template <class T>
+CLEAVE_INLINE Symmetric3<T> log(const Symmetric3<T>& A) {
+  const auto [values, vectors] = symmetric_eigen(A);
+  return symmetric_product(vectors, diagonal(Vector3<T>(log(values[0]), log(values[1]), log(values[2]))));
+}
+
+namespace detail {
+
+/// (log a - log b) / (a - b) for a >= b > 0, and its limit 1/b for a = b: log(1 + x)/x / b with x = (a - b)/b.
+template <class T>
+CLEAVE_INLINE T logarithm_difference_quotient(const T& a, const T& b) {
+  const T x = (a - b) / b;
+  return select(x == T(0), T(1), log1p(x) / x) / b;
+}
+
+}  // namespace detail
+
+/// In the axes of A the derivative is d(log A)_ij = (log a_i - log a_j)/(a_i - a_j) dA_ij, smooth where eigenvalues meet.
+/// [Daleckii and Krein 1965]
+template <class T, int N>
+CLEAVE_INLINE Symmetric3<Dual<T, N>> log(const Symmetric3<Dual<T, N>>& A) {
+  Symmetric3<T> value;
+  for (int k = 0; k < 6; ++k) value[k] = A[k].value;
+  const auto [values, V] = symmetric_eigen(value);
+  const Symmetric3<T> logarithm = symmetric_product(V, diagonal(Vector3<T>(log(values[0]), log(values[1]), log(values[2]))));
+  Symmetric3<T> slope;
+  for (int i = 0; i < 3; ++i)
+    for (int j = i; j < 3; ++j) slope(i, j) = detail::logarithm_difference_quotient(values[i], values[j]);
+  Symmetric3<Dual<T, N>> result;
+  for (int k = 0; k < 6; ++k) result[k].value = logarithm[k];
+  for (int n = 0; n < N; ++n) {
+    Symmetric3<T> dA;
+    for (int k = 0; k < 6; ++k) dA[k] = A[k].derivative[n];
+    Symmetric3<T> turned = symmetric_product(transpose(V), dA);
+    for (int k = 0; k < 6; ++k) turned[k] = turned[k] * slope[k];
+    const Symmetric3<T> derivative = symmetric_product(V, turned);
+    for (int k = 0; k < 6; ++k) result[k].derivative[n] = derivative[k];
+  }
+  return result;
 }
 
 /// One-sided Jacobi: rotations V make the columns of B = F V orthogonal, so that B = U diag(values). Small singular values
