@@ -138,7 +138,34 @@ TEST(ReturnMappings, LeaveElasticTrialsAloneToTheBit) {
   }
 }
 
-/// A hundred times the moduli and strengths is a hundred times the stress: the same strain.
+/// The strain of volume ratio J whose deviatoric stress is q, in uniaxial extension.
+Tensor at(double J, double q) {
+  const double a = 2 * q / (3 * mu), squared = 1.5 * a * a;  // deviator a (1, -1/2, -1/2)
+  double x = 1;
+  for (int i = 0; i < 20; ++i) x -= (x * x * x - squared / 2 * x + a * a * a / 4 - 1) / (3 * x * x - squared / 2);
+  return std::pow(J, 2. / 3) * stretched(x + a, x - a / 2, x - a / 2);
+}
+
+TEST(ReturnMappings, YieldJustBeyondTheSurface) {
+  const Ellipse ellipse;
+  for (double beyond : {-1e-8, 1e-8}) {
+    const bool yields = beyond > 0;
+    EXPECT_EQ(von_mises().of_b(at(0.9, 20 * (1 + beyond)), 0).yielded, yields);
+
+    const double p = 0.02 * kappa, J = std::sqrt(1 - 2 * p / kappa), cone = std::sqrt(1.5) * (friction(30) * p + 25);
+    EXPECT_EQ(drucker_prager().of_b(at(J, cone * (1 + beyond)), 0).yielded, yields);
+
+    const double p0 = ellipse.p0(packed);
+    const double rim = ellipse.M * std::sqrt((p + ellipse.beta * p0) * (p0 - p) / (1 + 2 * ellipse.beta));
+    EXPECT_EQ(nacc().of_b(at(J, rim * (1 + beyond)), packed).yielded, yields);
+
+    // At the floor of p0, where a tolerance not relative to p0 would be felt first.
+    const double floor = 1e-5 * kappa * (1 + 100 * beyond);
+    EXPECT_EQ(nacc().of_b(std::cbrt(1 - 2 * floor / kappa) * Tensor::Identity(), 0).yielded, yields);
+  }
+}
+
+/// Moduli and strengths a million times as large: stresses so, too, and the same strain.
 TEST(ReturnMappings, DoNotDependOnTheUnitOfStress) {
   const auto b = strains(trials());
   const double unit = 1e6;
@@ -273,6 +300,9 @@ TEST(Nacc, LoosenedMaterialHasAnEllipseToReturnTo) {
       EXPECT_EQ(points[i].status, CLEAVE_STATUS_OK);
       const double p = law.pressure(points[i].strain), q = law.q(points[i].strain), p0 = 1e-5 * kappa;
       EXPECT_LT(ellipse.y(p, q, p0), 1e-12 * kappa * p0);
+      if (law.pressure(b[i]) > p0) {
+        EXPECT_NEAR(p, p0, 1e-14 * kappa);
+      }
     }
   }
 }
