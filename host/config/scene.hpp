@@ -26,6 +26,18 @@ inline std::string error_at(const Location& where) { return where.line > 0 ? to_
 enum class Precision { single_precision, double_precision };
 enum class Transfer { apic, flip, pic };
 
+enum class Laplacian { weak, cubic };
+
+/// How the evolution of damage is integrated; what is integrated is the damage law's.
+struct DamageSolver {
+  int passes = 1;           ///< of damage and motion per step
+  double tolerance = 1e-5;  ///< of the implicit solve, relative to its right-hand side
+  int maximum_iterations = 200;
+  Laplacian laplacian = Laplacian::weak;  ///< of explicit integration
+  bool active_set = true;                 ///< leave out blocks that damage cannot reach
+  bool operator==(const DamageSolver&) const = default;
+};
+
 struct Simulation {
   int dimension = 3;
   double cell_size = 0;             ///< m
@@ -38,6 +50,7 @@ struct Simulation {
   Vector3 gravity = Vector3(0, 0, 0);  ///< m/s^2
   Transfer transfer = Transfer::apic;
   double flip_ratio = 0.95;  ///< of Transfer::flip
+  DamageSolver damage;
 };
 
 /// A plugin with the parameters the scene gives it, checked against its schema.

@@ -116,6 +116,18 @@ void read_time_step(TableReader& table, Simulation& simulation) {
     table.error_at("time_step", "'time_step' must be \"auto\" or a number (s), is " + found(*node));
 }
 
+DamageSolver read_damage_solver(TableReader table) {
+  DamageSolver solver;
+  solver.passes = int(table.integer("passes", 1, 20).value_or(solver.passes));
+  solver.tolerance = table.number("tolerance", "1", {.minimum = 0, .maximum = 1, .minimum_open = true, .maximum_open = true})
+                         .value_or(solver.tolerance);
+  solver.maximum_iterations = int(table.integer("maximum_iterations", 1, 100000).value_or(solver.maximum_iterations));
+  solver.laplacian = Laplacian(table.choice("laplacian", {"weak", "cubic"}).value_or(std::size_t(solver.laplacian)));
+  solver.active_set = table.boolean("active_set").value_or(solver.active_set);
+  table.finish();
+  return solver;
+}
+
 Simulation read_simulation(TableReader table) {
   Simulation simulation;
   ReadContext& context = table.context();
@@ -135,6 +147,7 @@ Simulation read_simulation(TableReader table) {
     table.refuse("flip_ratio", "is only used with transfer = \"flip\"");
   else
     simulation.flip_ratio = table.number("flip_ratio", "1", Range::between(0, 1)).value_or(simulation.flip_ratio);
+  if (auto damage = table.table("damage", "[simulation.damage]")) simulation.damage = read_damage_solver(std::move(*damage));
   table.finish();
   return simulation;
 }

@@ -202,6 +202,13 @@ void write_simulation(std::ostream& out, const Simulation& simulation) {
       << "gravity = " << vector(simulation.gravity) << "  # m/s^2\n"
       << "transfer = " << quoted(transfers[std::size_t(simulation.transfer)]) << "\n";
   if (simulation.transfer == Transfer::flip) out << "flip_ratio = " << number(simulation.flip_ratio) << "\n";
+  const DamageSolver& damage = simulation.damage;
+  out << "\n[simulation.damage]\n"
+      << "passes = " << damage.passes << "\n"
+      << "tolerance = " << number(damage.tolerance) << "\n"
+      << "maximum_iterations = " << damage.maximum_iterations << "\n"
+      << "laplacian = " << (damage.laplacian == Laplacian::weak ? "\"weak\"" : "\"cubic\"") << "\n"
+      << "active_set = " << (damage.active_set ? "true" : "false") << "\n";
 }
 
 void write_material(std::ostream& out, const Material& material, const PluginCatalog& catalog) {

@@ -13,7 +13,8 @@
 
 namespace cleave::mpm {
 
-TileLayout::TileLayout(int dimension, bool b, int fibers, int states) : stores_b(b), state_components(states) {
+TileLayout::TileLayout(const Needs& needs) : stores_b(needs.stores_b), state_components(needs.state_components) {
+  const int dimension = needs.dimension;
   const auto add = [&](const char* name, int components) {
     const std::uint32_t at = stride;
     if (components) parts.push_back({name, components});
@@ -24,13 +25,15 @@ TileLayout::TileLayout(int dimension, bool b, int fibers, int states) : stores_b
   velocity = add("velocity", dimension);
   affine = add("velocity gradient", dimension * dimension);
   volume = add("rest volume", 1);
-  if (b)
+  if (stores_b)
     strain = add("left Cauchy-Green tensor b", dimension == 3 ? 6 : 4);
   else
     strain = add("deformation gradient F", dimension == 3 ? 9 : 5);
-  if (fibers > 0) fiber = add("fibre", 3);
-  if (fibers > 1) second_fiber = add("second fibre", 3);
-  if (states > 0) state = add("state variables", states);
+  if (needs.fibers > 0) fiber = add("fibre", 3);
+  if (needs.fibers > 1) second_fiber = add("second fibre", 3);
+  if (needs.damage) damage = add("damage", 1);
+  if (needs.toughness) toughness = add("toughness factor", 1);
+  if (state_components > 0) state = add("state variables", state_components);
 }
 
 namespace {
@@ -143,6 +146,8 @@ void Particles<T, D>::assign(const std::vector<NewParticle>& particles, const st
       const Matrix3 m = layout_.stores_b ? Matrix3(p.deformation * p.deformation.transpose()) : p.deformation;
       for (std::size_t c = 0; c < strain.size(); c++)
         value(layout_.strain, int(c), slot) = T(m(strain[c].first, strain[c].second));
+      if (layout_.damage) value(layout_.damage, slot) = T(p.damage);
+      if (layout_.toughness) value(layout_.toughness, slot) = T(p.toughness);
       for (int c = 0; c < n_fiber; c++) value(layout_.fiber, c, slot) = T(fibers[index * n_fiber + c]);
       for (int c = 0; c < n_state; c++) value(layout_.state, c, slot) = T(state[index * n_state + c]);
     }

@@ -18,13 +18,19 @@ struct TileLayout {
     int components;
   };
   std::uint32_t position, velocity, affine, volume, strain;
-  std::uint32_t fiber = 0, second_fiber = 0, state = 0;  ///< 0: not stored (offset 0 is the position)
+  std::uint32_t fiber = 0, second_fiber = 0, damage = 0, toughness = 0, state = 0;  ///< 0: not stored (there is the position)
   bool stores_b = false;
   int state_components = 0;
   std::uint32_t stride = 0;
   std::vector<Part> parts;
 
-  TileLayout(int dimension, bool stores_b, int fibers, int state_components);
+  struct Needs {
+    int dimension = 3;
+    bool stores_b = false;
+    int fibers = 0, state_components = 0;
+    bool damage = false, toughness = false;
+  };
+  explicit TileLayout(const Needs&);
 };
 
 /// Initial values of one particle.
@@ -35,6 +41,8 @@ struct NewParticle {
   Matrix3 velocity_gradient = Matrix3::Zero();  ///< 1/s
   double volume = 0;                            ///< in cells
   Matrix3 deformation = Matrix3::Identity();
+  double damage = 0;
+  double toughness = 1;  ///< factor on the toughness of the damage law
 };
 
 /// The particles of one material, in tiles, sorted by home block and by cell inside the block.

@@ -3,6 +3,7 @@
 #include "common/error.hpp"
 #include "mpm/bodies.hpp"
 #include "mpm/colliders.hpp"
+#include "mpm/damage.hpp"
 #include "mpm/grid.hpp"
 #include "mpm/handles.hpp"
 #include "mpm/material.hpp"
@@ -18,6 +19,7 @@
 #include <Eigen/LU>
 #include <algorithm>
 #include <chrono>
+#include <cstring>
 #include <map>
 #include <numeric>
 
@@ -26,13 +28,16 @@ namespace {
 
 using Clock = std::chrono::steady_clock;
 
-enum Stage { sort_stage, to_grid_stage, grid_stage, to_particles_stage, bound_stage, stage_count };
-constexpr const char* stage_names[stage_count] = {"sort", "particles to grid", "grid update", "grid to particles",
-                                                  "step bounds"};
+enum Stage { sort_stage, damage_stage, to_grid_stage, grid_stage, to_particles_stage, bound_stage, stage_count };
+constexpr const char* stage_names[stage_count] = {
+    "sort", "damage", "particles to grid", "grid update", "grid to particles", "step bounds"};
 
 /// Elastic waves are measured every this many steps: they change by fractions of a percent from step to step, and the CFL
 /// number leaves a factor of two.
 constexpr int wave_interval = 8;
+
+/// Explicit damage whose steps are so many times smaller than those of elasticity is refused.
+constexpr double explicit_damage_limit = 1000;
 
 template <class T, int D>
 class MpmSimulation final : public Simulation {
@@ -43,11 +48,16 @@ class MpmSimulation final : public Simulation {
   MpmSimulation(const config::Scene& scene, plugins::Registry& registry)
       : scene_(scene),
         kernels_(pick(load_kernels())),
+        damage_kernels_(pick(load_kernels().damage)),
         cell_size_(scene.simulation.cell_size),
         colliders_(scene.colliders, scene.simulation.cell_size),
         handles_(scene.handles, scene.simulation.cell_size),
         scratch_([size = kernels_.scratch_bytes] { return Buffer(size); }) {
-    for (const auto& m : scene.materials) materials_.push_back(std::make_unique<Material>(m, registry, D, cell_size_));
+    for (const auto& m : scene.materials) {
+      const bool toughness = std::any_of(scene.bodies.begin(), scene.bodies.end(),
+                                         [&](const config::Body& body) { return body.material == m.name && body.toughness; });
+      materials_.push_back(std::make_unique<Material>(m, registry, D, cell_size_, toughness));
+    }
     if (scene.materials.empty() || scene.bodies.empty()) throw InputError("the scene has no body to simulate");
     reference_density_ = 0;
     for (const auto& m : materials_) reference_density_ = std::max(reference_density_, m->density());
@@ -62,27 +72,14 @@ class MpmSimulation final : public Simulation {
           maximum_speed_ = std::max(maximum_speed_, std::abs(double(s->value(s->layout().velocity, a, slot))));
       });
     if (!scene.simulation.time_step) measure_waves();
+    check_damage_step();
   }
 
   void step(double target) override {
-    if (needs_sort_) sort();
+    if (needs_sort_ || sorts_always_) sort();
     const double dt = choose_step(target);
     time_step_ = dt;
-
-    StepView view;
-    view.time_step = dt;
-    view.cell_size = cell_size_;
-    view.force_scale = 4 * dt / (cell_size_ * reference_density_);
-    view.scheme = scene_.simulation.transfer == config::Transfer::apic  ? TransferScheme::apic
-                  : scene_.simulation.transfer == config::Transfer::pic ? TransferScheme::pic
-                                                                        : TransferScheme::flip;
-    view.flip_ratio = scene_.simulation.flip_ratio;
-    view.grid = grid_.data();
-
-    particles_to_grid(view);
-    update_grid(view);
-    grid_to_particles(view);
-
+    advance(dt);
     if (target - (time_ + dt) < 1e-9 * dt)
       time_ = target;
     else
@@ -109,7 +106,7 @@ class MpmSimulation final : public Simulation {
   std::vector<output::PluginRecord> plugins() const override {
     std::map<std::string, output::PluginRecord> used;
     for (const auto& m : materials_)
-      for (const auto* law : {&m->elasticity(), &m->plasticity()})
+      for (const auto* law : {&m->elasticity(), &m->plasticity(), &m->damage()})
         if (*law) {
           const auto& d = law->description();
           used[d.id] = {d.id, d.version, law->plugin().path().string()};
@@ -120,7 +117,8 @@ class MpmSimulation final : public Simulation {
   }
 
  private:
-  static const TransferKernels<T, D>& pick(const KernelSet& k) {
+  template <class Set>
+  static const auto& pick(const Set& k) {
     if constexpr (std::is_same_v<T, float>) {
       if constexpr (D == 2)
         return k.single_2d;
@@ -142,6 +140,48 @@ class MpmSimulation final : public Simulation {
     Clock::time_point start = Clock::now();
   };
 
+  /// Damage of F_n first, then forces with it, then momentum and strain.
+  void advance(double dt) {
+    StepView view;
+    view.time_step = dt;
+    view.cell_size = cell_size_;
+    view.force_scale = 4 * dt / (cell_size_ * reference_density_);
+    view.scheme = scene_.simulation.transfer == config::Transfer::apic  ? TransferScheme::apic
+                  : scene_.simulation.transfer == config::Transfer::pic ? TransferScheme::pic
+                                                                        : TransferScheme::flip;
+    view.flip_ratio = scene_.simulation.flip_ratio;
+    view.grid = grid_.data();
+
+    drive_damage(dt);
+    const int passes = any_evolution_ ? scene_.simulation.damage.passes : 1;
+    std::vector<Buffer> start;
+    if (passes > 1) keep(start);
+    for (int pass = 0; pass < passes; pass++) {
+      if (pass > 0) {  // driving forces of the strain this step has come to, on the state it started from
+        drive_damage(dt);
+        restore(start);
+      }
+      evolve_damage(dt);
+      particles_to_grid(view);
+      update_grid(view);
+      grid_to_particles(view);
+    }
+  }
+
+  /// What the particles are, apart from where they are stored.
+  void keep(std::vector<Buffer>& copies) const {
+    for (const auto& s : sets_) {
+      copies.emplace_back(s->tiles() * s->layout().stride);
+      std::memcpy(copies.back().data(), s->data(), s->tiles() * s->layout().stride);
+    }
+  }
+  void restore(const std::vector<Buffer>& copies) {
+    for (std::size_t k = 0; k < sets_.size(); k++)
+      std::memcpy(sets_[k]->data(), copies[k].data(), sets_[k]->tiles() * sets_[k]->layout().stride);
+  }
+  void drive_damage(double dt);
+  void evolve_damage(double dt);
+  void check_damage_step();
   void populate();
   void sort();
   double choose_step(double target);
@@ -149,6 +189,9 @@ class MpmSimulation final : public Simulation {
   void particles_to_grid(StepView&);
   void update_grid(const StepView&);
   void grid_to_particles(const StepView&);
+  static const plugins::Instance& failed_law(const Material& m, const BlockReport& r) {
+    return r.failed == LawKind::damage ? m.damage() : r.failed == LawKind::plasticity ? m.plasticity() : m.elasticity();
+  }
   void check(const std::vector<BlockReport>&, std::size_t set, const char* stage);
   [[noreturn]] void fail(std::size_t set, const BlockReport&, const char* stage);
 
@@ -168,6 +211,11 @@ class MpmSimulation final : public Simulation {
     v.detect_inversion = m.detects_inversion();
     v.relative_density = m.density() / reference_density_;
     v.elasticity = m.stress<T>();
+    if (m.damage()) {
+      v.degraded_elasticity = m.degraded_stress<T>();
+      v.damage = l.damage;
+      v.residual = m.damage_model().residual;
+    }
     v.plasticity = m.return_mapping<T>();
     v.constants = constants_.data();
     return v;
@@ -190,11 +238,14 @@ class MpmSimulation final : public Simulation {
 
   config::Scene scene_;
   const TransferKernels<T, D>& kernels_;
+  const DamageKernels<T, D>& damage_kernels_;
   double cell_size_;
   double reference_density_ = 1;
   std::vector<std::unique_ptr<Material>> materials_;
   std::vector<std::unique_ptr<Set>> sets_;
   std::vector<std::size_t> set_material_;
+  std::vector<std::unique_ptr<DamageEvolution<T, D>>> damage_;  // of each set, null without a damage law
+  bool any_evolution_ = false, sorts_always_ = false;
   std::vector<std::string> body_names_;
   std::vector<std::uint32_t> first_id_;  // of each body, and the end
   Grid<T, D> grid_;
@@ -207,7 +258,7 @@ class MpmSimulation final : public Simulation {
   std::int64_t steps_ = 0, steps_at_measure_ = 0, waves_at_ = 0, particle_count_ = 0;
   const char* limited_by_ = "";
   bool needs_sort_ = false;
-  bool warned_unreliable_ = false;
+  bool warned_unreliable_ = false, warned_damage_ = false;
   std::map<std::string, std::int64_t> limits_;
   double stage_seconds_[stage_count] = {};
 };
@@ -253,6 +304,7 @@ void MpmSimulation<T, D>::populate() {
           throw InputError(fmt::format("body '{}': particle {} starts with det F = {:.6g}, where {} is not defined", body.name,
                                        i, p.deformation.determinant(), material.elasticity().description().id));
       }
+      if (!body.toughness.empty()) p.toughness = body.toughness[i];
       particles[body.material].push_back(p);
       std::size_t component = 0;
       for (const auto& columns : given)
@@ -285,6 +337,13 @@ void MpmSimulation<T, D>::populate() {
     sets_.push_back(std::make_unique<Set>(materials_[m]->layout()));
     set_material_.push_back(m);
     sets_.back()->assign(particles[m], states[m], fibers[m]);
+    damage_.push_back(nullptr);
+    if (materials_[m]->damage()) {
+      damage_.back() =
+          std::make_unique<DamageEvolution<T, D>>(*materials_[m], scene_.simulation.damage, damage_kernels_, cell_size_);
+      any_evolution_ = any_evolution_ || !damage_.back()->local();
+      sorts_always_ = sorts_always_ || damage_.back()->needs_sorted_particles();
+    }
   }
 }
 
@@ -319,7 +378,8 @@ void MpmSimulation<T, D>::evaluate(std::size_t set, const BoundLaw& law, F&& f) 
   const Set& s = *sets_[set];
   tbb::parallel_for(std::size_t(0), s.blocks().size(), [&](std::size_t i) {
     const auto& b = s.blocks()[i];
-    alignas(64) T values[chunk_points];
+    alignas(64) T rows[2 * chunk_points], values[chunk_points];  // per tile the result, then g
+    const Material& m = *materials_[set_material_[set]];
     cleave_status status[chunk_points];
     for (std::uint32_t k = 0; k < b.count; k += chunk_points) {
       const std::uint32_t count = std::min<std::uint32_t>(chunk_points, b.count - k);
@@ -330,10 +390,16 @@ void MpmSimulation<T, D>::evaluate(std::size_t set, const BoundLaw& law, F&& f) 
       batch.count = count;
       batch.layout = law.layout;
       batch.streams[0] = s.data() + tile * s.layout().stride;
-      batch.streams[1] = values;
+      batch.streams[1] = rows;
       batch.streams[2] = constants_.data();
       batch.status = status;
+      if (m.damage())
+        for (std::uint32_t p = 0; p < (count + lanes - 1) / lanes * lanes; p++) {
+          const double d = double(s.value(s.layout().damage, tile * lanes + p));
+          rows[(p / lanes * 2 + 1) * lanes + p % lanes] = T(1 - (1 - m.damage_model().residual) * d * (2 - d));
+        }
       law.function(law.instance, &batch);
+      for (std::uint32_t p = 0; p < count; p++) values[p] = rows[p / lanes * 2 * lanes + p % lanes];
       f(i, tile * lanes, values, int(count));
     }
   });
@@ -374,6 +440,10 @@ double MpmSimulation<T, D>::choose_step(double target) {
     const double g = sim.gravity.norm(), half = 0.5 * cell_size_;
     if (speed > 0 || g > 0) consider(2 * half / (speed + std::sqrt(speed * speed + 4 * g * half)), "particle speed");
     if (sim.maximum_time_step > 0) consider(sim.maximum_time_step, "maximum");
+    double damage_step = std::numeric_limits<double>::infinity();
+    for (const auto& d : damage_)
+      if (d) damage_step = std::min(damage_step, d->stable_step());
+    consider(damage_step, "explicit damage");
   }
   const double remaining = target - time_;
   const double dt = equal_steps(remaining, bound.seconds);
@@ -383,6 +453,64 @@ double MpmSimulation<T, D>::choose_step(double target) {
     throw SimulationError(fmt::format("step {} at t = {:.6g} s: the stable step has shrunk to {:.3g} s ({})", steps_, time_,
                                       bound.seconds, bound.name));
   return dt;
+}
+
+// ------------------------------------------------------------------------------------------------- damage
+
+template <class T, int D>
+void MpmSimulation<T, D>::drive_damage(double dt) {
+  Timer timer(*this, damage_stage);
+  std::vector<BlockReport> reports;
+  for (std::size_t s = 0; s < sets_.size(); s++)
+    if (damage_[s]) {
+      damage_[s]->drive(view(s), *sets_[s], dt, reports);
+      check(reports, s, "damage");
+    }
+}
+
+template <class T, int D>
+void MpmSimulation<T, D>::evolve_damage(double dt) {
+  Timer timer(*this, damage_stage);
+  for (std::size_t s = 0; s < sets_.size(); s++) {
+    if (!damage_[s]) continue;
+    if (const double bound = damage_[s]->stable_step(); scene_.simulation.time_step && dt > bound * (1 + 1e-9)) {
+      const Material& m = *materials_[set_material_[s]];
+      throw SimulationError(fmt::format(
+          "step {} at t = {:.6g} s: the fixed step of {:.3g} s is above {:.3g} s, the most that the explicit evolution of "
+          "damage "
+          "of material '{}' allows under its present driving force; give a smaller simulation.time_step or \"auto\", or "
+          "integration = \"implicit\" in its damage law",
+          steps_, time_, dt, bound, m.name()));
+    }
+    damage_[s]->evolve(view(s), *sets_[s], grid_, dt);
+  }
+}
+
+/// Explicit damage that cannot work at the size of the steps, said before the run.
+template <class T, int D>
+void MpmSimulation<T, D>::check_damage_step() {
+  const auto& sim = scene_.simulation;
+  for (std::size_t s = 0; s < sets_.size(); s++) {
+    if (!damage_[s]) continue;
+    const config::Material& m = scene_.materials[set_material_[s]];
+    const double bound = damage_[s]->step_bound(0), step = sim.time_step ? *sim.time_step : wave_step_;
+    if (sim.time_step && step > bound)
+      throw InputError(error_at(m.damage->where) +
+                       fmt::format("explicit evolution of damage takes steps of at most {:.3g} s here, simulation.time_step is "
+                                   "{:.3g} s; give a smaller one or \"auto\", or integration = \"implicit\"",
+                                   bound, step));
+    if (bound < step / explicit_damage_limit)
+      throw InputError(error_at(m.damage->where) +
+                       fmt::format("explicit evolution of damage takes steps of at most {:.3g} s here, {:.0f} times less than "
+                                   "elasticity ({:.3g} s); give integration = \"implicit\", which has no such limit, or a "
+                                   "larger viscosity",
+                                   bound, step / bound, step));
+    if (bound < step / 2)
+      spdlog::warn(
+          "material '{}': explicit evolution of damage limits the step to {:.3g} s, {:.1f} times less than elasticity; "
+          "integration = \"implicit\" has no such limit",
+          m.name, bound, step / bound);
+  }
 }
 
 // ------------------------------------------------------------------------------------------------- a step
@@ -466,7 +594,7 @@ void MpmSimulation<T, D>::check(const std::vector<BlockReport>& reports, std::si
       warned_unreliable_ = true;
       const Material& m = *materials_[set_material_[set]];
       spdlog::warn("step {}: {} reports points outside its range of validity (material '{}'); said once", steps_,
-                   (r.plasticity_failed ? m.plasticity() : m.elasticity()).description().id, m.name());
+                   failed_law(m, r).description().id, m.name());
     }
   }
 }
@@ -475,7 +603,7 @@ template <class T, int D>
 void MpmSimulation<T, D>::fail(std::size_t set, const BlockReport& r, const char* stage) {
   const Material& m = *materials_[set_material_[set]];
   const Set& s = *sets_[set];
-  const auto& law = (r.plasticity_failed ? m.plasticity() : m.elasticity()).description();
+  const auto& law = failed_law(m, r).description();
   std::string what;
   if (r.not_finite)
     what = "velocity is not finite";
@@ -546,6 +674,14 @@ output::ParticleFrame MpmSimulation<T, D>::frame(int index) const {
       auto& a = attribute("J", 1, "1");
       s.for_each([&](const auto&, std::uint64_t slot) { a.values[s.id(slot)] = float(s.jacobian(slot)); });
     }
+    if (m.damage() && wanted("damage", true)) {
+      auto& a = attribute("damage", 1, "1");
+      s.for_each([&](const auto&, std::uint64_t slot) { a.values[s.id(slot)] = float(s.value(s.layout().damage, slot)); });
+    }
+    if (s.layout().toughness && wanted("toughness", false)) {
+      auto& a = attribute("toughness", 1, "1");
+      s.for_each([&](const auto&, std::uint64_t slot) { a.values[s.id(slot)] = float(s.value(s.layout().toughness, slot)); });
+    }
     const char* strain = s.layout().stores_b ? "b" : "F";
     if (wanted(strain, false)) {
       auto& a = attribute(strain, 9, "1");
@@ -595,6 +731,7 @@ std::vector<ParticleState> MpmSimulation<T, D>::state() const {
       p.volume = double(s.value(l.volume, slot)) * std::pow(cell_size_, D);
       p.stores_b = l.stores_b;
       p.strain = s.deformation_or_b(slot);
+      if (l.damage) p.damage = double(s.value(l.damage, slot));
       for (int c = 0; c < l.state_components; c++) p.state.push_back(double(s.value(l.state, c, slot)));
     });
   }
@@ -613,12 +750,15 @@ output::FrameRecord MpmSimulation<T, D>::measure() {
   r.maximum_J = -r.minimum_J;
   const double cell_volume = std::pow(cell_size_, D), inertia = cell_size_ * cell_size_ / 4;
   const Vector3 g = scene_.simulation.gravity;
+  double damaged = 0, rest_volume = 0, active = 0;
+  std::int64_t solves = 0, iterations = 0, unconverged = 0;
   for (std::size_t k = 0; k < sets_.size(); k++) {
     const Set& s = *sets_[k];
     const TileLayout& l = s.layout();
     const double density = materials_[set_material_[k]]->density();
     struct Sum {
-      double kinetic = 0, elastic = 0, gravity = 0, mass = 0, volume = 0, low = 1e300, high = -1e300, speed = 0;
+      double kinetic = 0, elastic = 0, gravity = 0, mass = 0, volume = 0, low = 1e300, high = -1e300, speed = 0, damage = 0,
+             damaged = 0;
       Vector3 momentum = Vector3::Zero(), angular = Vector3::Zero(), moment = Vector3::Zero();
     };
     std::vector<Sum> sums(s.blocks().size());
@@ -645,6 +785,11 @@ output::FrameRecord MpmSimulation<T, D>::measure() {
         sum.low = std::min(sum.low, J);
         sum.high = std::max(sum.high, J);
         sum.speed = std::max(sum.speed, v.norm());
+        if (l.damage) {
+          const auto d = double(s.value(l.damage, slot));
+          sum.damage = std::max(sum.damage, d);
+          if (d > 0.5) sum.damaged += volume;
+        }
       }
     });
     if (const BoundLaw law = materials_[set_material_[k]]->template measure<T>(Material::Measure::energy); law.function)
@@ -664,8 +809,27 @@ output::FrameRecord MpmSimulation<T, D>::measure() {
       r.minimum_J = std::min(r.minimum_J, sum.low);
       r.maximum_J = std::max(r.maximum_J, sum.high);
       r.maximum_speed = std::max(r.maximum_speed, sum.speed);
+      r.maximum_damage = std::max(r.maximum_damage, sum.damage);
+      damaged += sum.damaged;
+      rest_volume += sum.mass / density;
+    }
+    if (damage_[k]) {
+      const auto statistics = damage_[k]->take_statistics();
+      solves += statistics.solves;
+      iterations += statistics.iterations;
+      r.damage_iterations_most = std::max(r.damage_iterations_most, statistics.most_iterations);
+      unconverged += statistics.unconverged;
+      if (statistics.steps) active += statistics.active_blocks / double(statistics.steps) * double(s.size());
     }
   }
+  if (rest_volume > 0) r.damaged_fraction = damaged / rest_volume;
+  if (solves) r.damage_iterations = double(iterations) / double(solves);
+  r.damage_active = active / double(particle_count_);
+  if (unconverged && !std::exchange(warned_damage_, true))
+    spdlog::warn(
+        "t = {:.6g} s: {} implicit solves of damage stopped after {} iterations short of simulation.damage.tolerance; "
+        "said once",
+        time_, unconverged, scene_.simulation.damage.maximum_iterations);
   if (r.mass > 0) r.center_of_mass /= r.mass;
   return r;
 }

@@ -22,6 +22,7 @@ struct ParticleState {
   double volume = 0;                            ///< at rest, m^3 (2D: m^2)
   bool stores_b = false;
   Matrix3 strain = Matrix3::Identity();  ///< elastic b or F, as stored
+  double damage = 0;                     ///< d in [0,1]
   std::vector<double> state;             ///< components of the state variables
 };
 

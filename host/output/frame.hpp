@@ -40,15 +40,19 @@ struct FrameRecord {
   std::int64_t steps = 0;  ///< since the previous frame
   double time_step = 0;    ///< last one, s
   std::string limited_by;  ///< "elastic wave", "particle speed", "maximum", "fixed", "frame"
-  double kinetic_energy = 0, elastic_energy = 0, gravity_energy = 0, fracture_energy = 0;  ///< J
-  Vector3 momentum = Vector3::Zero();                                                      ///< kg m/s
-  Vector3 angular_momentum = Vector3::Zero();                                              ///< kg m^2/s, about the origin
-  Vector3 center_of_mass = Vector3::Zero();                                                ///< m
-  double mass = 0;                                                                         ///< kg
-  double volume = 0;                                                                       ///< current, m^3
+  double kinetic_energy = 0, elastic_energy = 0, gravity_energy = 0;  ///< J
+  Vector3 momentum = Vector3::Zero();                                 ///< kg m/s
+  Vector3 angular_momentum = Vector3::Zero();                         ///< kg m^2/s, about the origin
+  Vector3 center_of_mass = Vector3::Zero();                           ///< m
+  double mass = 0;                                                    ///< kg
+  double volume = 0;                                                  ///< current, m^3
   double minimum_J = 1, maximum_J = 1;
   double maximum_speed = 0;  ///< m/s
-  double maximum_damage = 0, damaged_fraction = 0;
+  double maximum_damage = 0;
+  double damaged_fraction = 0;              ///< of the rest volume that has d > 1/2
+  double damage_iterations = 0;             ///< of the implicit solves since the previous frame, mean
+  std::int64_t damage_iterations_most = 0;  ///< and largest
+  double damage_active = 0;                 ///< part of the particles in blocks where damage evolves, mean
   double wall_seconds = 0;
 };
 

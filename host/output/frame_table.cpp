@@ -34,7 +34,6 @@ Row columns(const FrameRecord& record) {
           {"kinetic_energy", number(record.kinetic_energy)},
           {"elastic_energy", number(record.elastic_energy)},
           {"gravity_energy", number(record.gravity_energy)},
-          {"fracture_energy", number(record.fracture_energy)},
           {"momentum_x", number(record.momentum.x())},
           {"momentum_y", number(record.momentum.y())},
           {"momentum_z", number(record.momentum.z())},
@@ -51,6 +50,9 @@ Row columns(const FrameRecord& record) {
           {"maximum_speed", number(record.maximum_speed)},
           {"maximum_damage", number(record.maximum_damage)},
           {"damaged_fraction", number(record.damaged_fraction)},
+          {"damage_iterations", number(record.damage_iterations)},
+          {"damage_iterations_most", std::to_string(record.damage_iterations_most)},
+          {"damage_active", number(record.damage_active)},
           {"wall_seconds", number(record.wall_seconds)}};
 }
 

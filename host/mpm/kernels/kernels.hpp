@@ -32,10 +32,15 @@ inline constexpr int chunk_points = 32;
 
 using LawFunction = cleave_result (*)(const cleave_instance*, const cleave_batch*);
 
-/// Rows of the kernel's scratch per tile: the six components of stress, then one for writes that nobody reads (components that
-/// are constant in two dimensions).
+/// Rows of the kernel's scratch per tile: the six components of stress (or the inputs of a damage law), one for writes that
+/// nobody reads (components that are constant in two dimensions) or the driving force, and the degradation g.
 inline constexpr int stress_rows = 8;
 inline constexpr int discarded_row = 6;
+inline constexpr int driving_force_row = 6;
+inline constexpr int degradation_row = 7;
+
+/// Damage, and driving forces of damage, that are taken as none: a thousandth of what single precision resolves of an energy.
+inline constexpr double negligible_damage = 1e-6;
 
 /// A law bound to a material's storage. Stream 0 is the particle tiles, stream 1 the kernel's scratch (see stress_rows),
 /// stream 2 one tile of constants: a row of zeros, then a row of ones.
@@ -58,13 +63,17 @@ struct ParticleView {
   bool detect_inversion = false;  ///< a step that turns a neighbourhood inside out is an error for this material
   double relative_density = 1;    ///< rho / rho_ref
   BoundLaw elasticity, plasticity;
-  void* constants = nullptr;  ///< stream 2
+  BoundLaw degraded_elasticity;  ///< of blocks with damage: reads g from the scratch
+  std::uint32_t damage = 0;      ///< 1, d; only where the material has a damage law
+  double residual = 0;           ///< r of g = (1-r)(1-d)^2 + r
+  void* constants = nullptr;     ///< stream 2
 };
 
 struct BlockView {
   std::uint64_t first_tile = 0;
   std::uint32_t count = 0;
   std::uint32_t neighbours[27];  ///< grid blocks at offsets (-1,-1,-1) .. (1,1,1), last axis fastest
+  bool damaged = false;          ///< some particle has d > 0
 };
 
 enum class TransferScheme : std::uint32_t { apic, pic, flip };
@@ -80,14 +89,16 @@ struct StepView {
   const void* grid_before = nullptr;  ///< FLIP: velocities before forces
 };
 
+enum class LawKind : std::uint8_t { elasticity, plasticity, damage };
+
 /// What a kernel noticed while working on blocks. Merged with max/or: independent of order.
 struct BlockReport {
   double maximum_speed = 0;  ///< largest component of velocity, m/s
   bool strayed = false;      ///< a particle left its home block's slack: sort before the next step
   std::uint8_t status = 0;   ///< worst cleave_status
   cleave_result result = CLEAVE_OK;
-  bool plasticity_failed = false;  ///< the failing law (else elasticity)
-  bool not_finite = false;         ///< a velocity or position is no number
+  LawKind failed = LawKind::elasticity;
+  bool not_finite = false;  ///< a velocity or position is no number
   bool inverted = false;
   std::uint64_t slot = ~0ull;  ///< smallest particle slot (tile * lanes + lane) with a problem
 };
@@ -103,12 +114,60 @@ struct TransferKernels {
   void (*grid_to_particle)(const ParticleView&, const BlockView&, const StepView&, void* scratch, BlockReport&) = nullptr;
 };
 
+/// Evolution of damage on the particles of one material (see DamageEvolution for the equations). Positions and lengths are in
+/// cells, volumes in cells. Per-slot arrays are indexed like the particles; node arrays have block_nodes numbers per block.
+struct DamageView {
+  BoundLaw inputs;                ///< elastic law: psi_plus or the effective stress into the scratch
+  BoundLaw law;                   ///< damage law: driving force into the scratch, or the new damage in place
+  bool local = false;             ///< the law writes the damage itself
+  double time_step = 0;           ///< s
+  void* driving_force = nullptr;  ///< D per slot
+  void* volume = nullptr;         ///< current volume per slot
+};
+
+struct DamageReport {
+  double largest_driving_force = 0;  ///< where d < 1
+  bool active = false;               ///< some particle has D > 0 or d > 0
+  bool damaged = false;              ///< some particle has d > 0
+};
+
+template <class T, int D>
+struct DamageKernels {
+  std::size_t scratch_bytes = 0;  ///< per thread, 64-byte aligned, zero before first use
+  /// Calls the laws: D and the current volume of each particle, history in place.
+  void (*drive)(const ParticleView&, const BlockView&, const DamageView&, void* scratch, BlockReport&, DamageReport&) = nullptr;
+  /// nodes (four numbers each) += V (1, d, D, 0) w
+  void (*collect)(const ParticleView&, const BlockView&, const DamageView&, T* nodes, void* scratch) = nullptr;
+  /// to += K from, K_ij = sum_p V_p grad_i(x_p) . grad_j(x_p) with the MLS gradient 4 w (x_i - x_p)
+  void (*stiffness)(const ParticleView&, const BlockView&, const DamageView&, const T* from, T* to, void* scratch) = nullptr;
+  /// d <- clamp(max(d, d + sum w change))
+  void (*advance)(const ParticleView&, const BlockView&, const T* change, void* scratch, DamageReport&) = nullptr;
+  /// d <- min(1, d + rate <(1 - d) D - (d - length^2 lap d)>), lap d = sum w laplacian
+  void (*integrate)(const ParticleView&, const BlockView&, const DamageView&, const T* laplacian, double rate, double length,
+                    void* scratch, DamageReport&) = nullptr;
+  /// The same two on cubic B-splines around the cell centres: nodes += V (1, d, 0, 0) w, and lap d = sum d_i lap w.
+  /// Particles must be sorted into their blocks.
+  void (*collect_cubic)(const ParticleView&, const BlockView&, const DamageView&, T* nodes, void* scratch) = nullptr;
+  void (*integrate_cubic)(const ParticleView&, const BlockView&, const DamageView&, const T* damage, double rate, double length,
+                          void* scratch, DamageReport&) = nullptr;
+};
+
+struct DamageKernelSet {
+  DamageKernels<float, 2> single_2d;
+  DamageKernels<float, 3> single_3d;
+  DamageKernels<double, 2> double_2d;
+  DamageKernels<double, 3> double_3d;
+};
+/// Of the same shared object.
+DamageKernelSet damage_kernels();
+
 struct KernelSet {
   const char* isa = nullptr;
   TransferKernels<float, 2> single_2d;
   TransferKernels<float, 3> single_3d;
   TransferKernels<double, 2> double_2d;
   TransferKernels<double, 3> double_3d;
+  DamageKernelSet damage;
 };
 
 /// The symbol each kernel library exports.

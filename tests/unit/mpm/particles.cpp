@@ -38,7 +38,7 @@ Particles<T, D> cloud(std::size_t n, std::vector<NewParticle>& truth) {
     truth.push_back(p);
     state.push_back(double(i));
   }
-  Particles<T, D> particles(TileLayout(D, false, 0, 1));
+  Particles<T, D> particles(TileLayout({.dimension = D, .state_components = 1}));
   particles.assign(truth, state, {});
   return particles;
 }
@@ -122,10 +122,12 @@ TYPED_TEST(SortedParticles, RefuseToBeNowhere) {
 }
 
 TEST(TileLayout, StoresOnlyWhatIsDeclared) {
-  EXPECT_EQ(TileLayout(3, true, 0, 0).stride, (3 + 3 + 9 + 1 + 6) * 64u);
-  EXPECT_EQ(TileLayout(3, false, 0, 0).stride, (3 + 3 + 9 + 1 + 9) * 64u);
-  EXPECT_EQ(TileLayout(2, true, 0, 0).stride, (2 + 2 + 4 + 1 + 4) * 64u);
-  EXPECT_EQ(TileLayout(3, false, 2, 5).stride, (3 + 3 + 9 + 1 + 9 + 6 + 5) * 64u);
+  EXPECT_EQ(TileLayout({.dimension = 3, .stores_b = true}).stride, (3 + 3 + 9 + 1 + 6) * 64u);
+  EXPECT_EQ(TileLayout({.dimension = 3}).stride, (3 + 3 + 9 + 1 + 9) * 64u);
+  EXPECT_EQ(TileLayout({.dimension = 2, .stores_b = true}).stride, (2 + 2 + 4 + 1 + 4) * 64u);
+  EXPECT_EQ(TileLayout({.dimension = 3, .fibers = 2, .state_components = 5}).stride, (3 + 3 + 9 + 1 + 9 + 6 + 5) * 64u);
+  EXPECT_EQ(TileLayout({.dimension = 3, .stores_b = true, .state_components = 1, .damage = true, .toughness = true}).stride,
+            (3 + 3 + 9 + 1 + 6 + 1 + 1 + 1) * 64u);
 }
 
 }  // namespace

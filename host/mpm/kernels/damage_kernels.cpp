@@ -1,0 +1,422 @@
+// Sweeps over particles and grid for the evolution of damage: one number per node where transfers of momentum have four.
+//
+// The Laplacian is the weak form on the kernel of the transfers, with the gradient of moving least squares:
+//   grad_i(x_p) = 4 w_ip (x_i - x_p),   K_ij = sum_p V_p grad_i . grad_j,   lap d = -M^-1 K d,   M_i = sum_p V_p w_ip
+// in cells. With o = offset of the middle node from the particle, x_i - x_p = o + (-1, 0, 1) along each axis.
+
+#include "mpm/kernels/tiles.hpp"
+
+#include <algorithm>
+
+namespace cleave::mpm::kernel {
+namespace {
+
+template <class T, int D>
+struct DamageScratch {
+  static constexpr int lanes = tile_lanes<T>;
+  static constexpr int tiles = chunk_tiles<T>;
+  alignas(64) T from[GridShape<D>::arena_nodes + 16];
+  alignas(64) T to[GridShape<D>::arena_nodes + 16];
+  alignas(64) T collected[(GridShape<D>::arena_nodes + 16) * 4];
+  alignas(64) T weights[tiles * WeightRows<D>::count * lanes];
+  alignas(64) T laws[tiles * stress_rows * lanes];
+  alignas(64) T values[chunk_points];
+  alignas(64) T coefficient[chunk_points];
+  alignas(64) T record[chunk_points * 4];
+  alignas(64) std::int32_t node[chunk_points + 16];
+  alignas(64) cleave_status status[chunk_points];
+};
+
+// ------------------------------------------------------------------------------------------------- arena of one number per
+// node
+
+template <class T, int D>
+CLEAVE_INLINE void load_numbers(const T* grid, const BlockView& block, T* arena) {
+  for_arena_rows<D>(block, [&](std::uint32_t b, int node, int at, auto n) {
+    const T* from = grid + std::size_t(b) * GridShape<D>::block_nodes + node;
+    for (int i = 0; i < decltype(n)::value; i++) arena[at + i] = from[i];
+  });
+}
+
+/// Adds the arena to the grid and clears it.
+template <class T, int D>
+CLEAVE_INLINE void merge_numbers(T* grid, const BlockView& block, T* arena) {
+  for_arena_rows<D>(block, [&](std::uint32_t b, int node, int at, auto n) {
+    T* to = grid + std::size_t(b) * GridShape<D>::block_nodes + node;
+    for (int i = 0; i < decltype(n)::value; i++) {
+      to[i] += arena[at + i];
+      arena[at + i] = 0;
+    }
+  });
+}
+
+/// Reads one number more than the row has; its weight is zero.
+template <class T>
+CLEAVE_INLINE Quad<T> load_row(const T* p) {
+  Quad<T> q;
+  std::memcpy(&q, p, sizeof q);
+  return q;
+}
+template <class T>
+CLEAVE_INLINE void add_row(T* p, Quad<T> v) {
+  const Quad<T> sum = load_row(p) + v;
+  std::memcpy(p, &sum, sizeof sum);
+}
+
+/// Rows of the stencil: nine in three dimensions, three in two.
+template <int D>
+inline constexpr int stencil_rows = D == 3 ? 9 : 3;
+template <int D>
+CLEAVE_INLINE constexpr int row_start(int r) {
+  constexpr int edge = GridShape<D>::arena_edge;
+  return D == 3 ? (r / 3) * edge * edge + (r % 3) * edge : r * edge;
+}
+
+/// Weights of one particle in the layout of `tile_weights` with planes.
+template <class T, int D>
+struct Stencil {
+  using W = WeightRows<D>;
+  static constexpr int lanes = tile_lanes<T>;
+  const T* w;
+  CLEAVE_INLINE Stencil(const T* weights, int p) : w(weights + (p / lanes) * (W::count * lanes) + p % lanes) {}
+  /// Product of the weights of all axes but the last, of row r.
+  CLEAVE_INLINE T plane(int r) const { return D == 3 ? w[(W::plane + r) * lanes] : w[r * lanes]; }
+  CLEAVE_INLINE Quad<T> last() const {
+    return Quad<T>{w[W::axis(D - 1) * lanes], w[(W::axis(D - 1) + 1) * lanes], w[(W::axis(D - 1) + 2) * lanes], T(0)};
+  }
+  CLEAVE_INLINE T offset(int a) const { return w[(W::offset + a) * lanes]; }
+};
+
+template <class T>
+CLEAVE_INLINE T sum3(Quad<T> q) {
+  return q[0] + q[1] + q[2];
+}
+
+/// sum w f over the stencil.
+template <class T, int D>
+CLEAVE_INLINE T gather_value(const T* arena, const T* weights, const std::int32_t* node, int p) {
+  const Stencil<T, D> s(weights, p);
+  const T* a = arena + node[p];
+  Quad<T> sum{};
+  for (int r = 0; r < stencil_rows<D>; r++) sum += s.plane(r) * load_row(a + row_start<D>(r));
+  return sum3<T>(sum * s.last());
+}
+
+template <class T, int D>
+CLEAVE_INLINE void chunk_weights(const ParticleView& set, const Chunk& chunk, DamageScratch<T, D>& s) {
+  constexpr int lanes = tile_lanes<T>;
+  for (int k = 0; k < chunk.tiles; k++)
+    tile_weights<T, D, true>(set, set.tiles + (chunk.first + std::uint64_t(k)) * set.stride,
+                             s.weights + k * (WeightRows<D>::count * lanes), s.node + k * lanes);
+}
+
+// ------------------------------------------------------------------------------------------------- laws
+
+template <class T, int D>
+CLEAVE_INLINE Tile<T> jacobian(const ParticleView& set, const char* tile) {
+  const auto at = [&](int c) { return load<T>(tile + set.strain + c * CLEAVE_TILE_BYTES); };
+  Tile<T> det;
+  if constexpr (D == 3) {
+    if (set.stores_b) {
+      const Tile<T> xx = at(0), yy = at(1), zz = at(2), xy = at(3), xz = at(4), yz = at(5);
+      det = xx * (yy * zz - yz * yz) - xy * (xy * zz - yz * xz) + xz * (xy * yz - yy * xz);
+    } else {
+      det = at(0) * (at(4) * at(8) - at(5) * at(7)) - at(1) * (at(3) * at(8) - at(5) * at(6)) +
+            at(2) * (at(3) * at(7) - at(4) * at(6));
+    }
+  } else {
+    det = set.stores_b ? (at(0) * at(1) - at(3) * at(3)) * at(2) : (at(0) * at(3) - at(1) * at(2)) * at(4);
+  }
+  if (set.stores_b) {
+    for (int l = 0; l < tile_lanes<T>; l++) det[l] = det[l] > T(0) ? __builtin_sqrt(det[l]) : T(0);
+    return det;
+  }
+  return magnitude<T>(det);
+}
+
+template <class T, int D>
+void drive(const ParticleView& set, const BlockView& block, const DamageView& view, void* scratch, BlockReport& report,
+           DamageReport& damage) {
+  auto& s = *static_cast<DamageScratch<T, D>*>(scratch);
+  constexpr int lanes = tile_lanes<T>;
+  const T negligible = T(negligible_damage);
+  Tile<T> largest{};
+  typename TileTypes<T>::Mask active{}, damaged{};
+  for_chunks<T>(set, block, [&](const Chunk& chunk) {
+    if (view.inputs.function)
+      evaluate<T>(view.inputs, LawKind::elasticity, set, chunk.first, chunk.points, view.time_step, s.laws, s.status, report);
+    evaluate<T>(view.law, LawKind::damage, set, chunk.first, chunk.points, view.time_step, s.laws, s.status, report);
+    for (int k = 0; k < chunk.tiles; k++) {
+      const std::uint64_t tile = chunk.first + std::uint64_t(k);
+      const char* at = set.tiles + tile * set.stride;
+      const Tile<T> d = load<T>(at + set.damage), rest = load<T>(at + set.volume);
+      const auto exists = rest > T(0);
+      damaged |= exists & (d > T(0));
+      if (view.local) continue;
+      Tile<T> force = load<T>(s.laws + (k * stress_rows + driving_force_row) * lanes);
+      force = exists & (force > negligible) ? force : Tile<T>{};
+      store<T>(static_cast<T*>(view.driving_force) + tile * lanes, force);
+      store<T>(static_cast<T*>(view.volume) + tile * lanes, rest * jacobian<T, D>(set, at));
+      active |= force > T(0);
+      largest = maximum<T>(largest, d < T(1) ? force : Tile<T>{});
+    }
+  });
+  for (int l = 0; l < lanes; l++) damage.largest_driving_force = std::max(damage.largest_driving_force, double(largest[l]));
+  damage.damaged = any(damaged);
+  damage.active = damage.damaged || any(active);
+}
+
+// ------------------------------------------------------------------------------------------------- particles to nodes
+
+template <class T, int D>
+void collect(const ParticleView& set, const BlockView& block, const DamageView& view, T* nodes, void* scratch) {
+  auto& s = *static_cast<DamageScratch<T, D>*>(scratch);
+  constexpr int lanes = tile_lanes<T>, rows = stencil_rows<D>;
+  for_chunks<T>(set, block, [&](const Chunk& chunk) {
+    chunk_weights<T, D>(set, chunk, s);
+    for (int k = 0; k < chunk.tiles; k++) {
+      const std::uint64_t tile = chunk.first + std::uint64_t(k);
+      const Tile<T> volume = load<T>(static_cast<T*>(view.volume) + tile * lanes);
+      const Tile<T> damage = volume * load<T>(set.tiles + tile * set.stride + set.damage);
+      const Tile<T> force = volume * load<T>(static_cast<T*>(view.driving_force) + tile * lanes);
+      for (int l = 0; l < lanes; l++) store_quad(s.record + (k * lanes + l) * 4, Quad<T>{volume[l], damage[l], force[l], T(0)});
+    }
+    for (int p = 0; p < chunk.points;) {
+      const std::int32_t first = s.node[p];
+      Row<T> sum[rows];
+      for (auto& r : sum) r = Row<T>::zero();
+      do {
+        const Stencil<T, D> w(s.weights, p);
+        const Row<T> last = Row<T>::weights(w.w + WeightRows<D>::axis(D - 1) * lanes, lanes) * Row<T>::repeat(s.record + p * 4);
+        for (int r = 0; r < rows; r++) sum[r] = Row<T>::multiply_add(w.plane(r), last, sum[r]);
+      } while (++p < chunk.points && s.node[p] == first);
+      for (int r = 0; r < rows; r++) {
+        T* at = s.collected + (first + row_start<D>(r)) * 4;
+        (Row<T>::load(at) + sum[r]).store(at);
+      }
+    }
+  });
+  merge_arena<T, D>(nodes, block, s.collected);
+}
+
+template <class T, int D>
+void stiffness(const ParticleView& set, const BlockView& block, const DamageView& view, const T* from, T* to, void* scratch) {
+  auto& s = *static_cast<DamageScratch<T, D>*>(scratch);
+  constexpr int lanes = tile_lanes<T>, rows = stencil_rows<D>;
+  load_numbers<T, D>(from, block, s.from);
+  for_chunks<T>(set, block, [&](const Chunk& chunk) {
+    chunk_weights<T, D>(set, chunk, s);
+    for (int k = 0; k < chunk.tiles; k++)
+      store<T>(s.coefficient + k * lanes,
+               T(16) * load<T>(static_cast<T*>(view.volume) + (chunk.first + std::uint64_t(k)) * lanes));
+    for (int p = 0; p < chunk.points;) {
+      const std::int32_t first = s.node[p];
+      Quad<T> value[rows], sum[rows];
+      for (int r = 0; r < rows; r++) {
+        value[r] = load_row(s.from + first + row_start<D>(r));
+        sum[r] = Quad<T>{};
+      }
+      do {
+        const Stencil<T, D> w(s.weights, p);
+        const Quad<T> last = w.last();
+        // gradient: sums of w f and of w f times (-1, 0, 1) along each axis
+        Quad<T> all{}, along_x{}, along_y{};
+        if constexpr (D == 3) {
+          for (int i = 0; i < 3; i++) {
+            const Quad<T> low = w.plane(3 * i) * value[3 * i], high = w.plane(3 * i + 2) * value[3 * i + 2];
+            const Quad<T> line = low + w.plane(3 * i + 1) * value[3 * i + 1] + high;
+            all += line;
+            along_y += high - low;
+            if (i == 0) along_x -= line;
+            if (i == 2) along_x += line;
+          }
+        } else {
+          const Quad<T> low = w.plane(0) * value[0], high = w.plane(2) * value[2];
+          all = low + w.plane(1) * value[1] + high;
+          along_x = high - low;
+        }
+        const Quad<T> weighted = all * last;
+        const T total = sum3<T>(weighted), c = s.coefficient[p];
+        const T gx = c * (sum3<T>(along_x * last) + w.offset(0) * total);
+        const T gy = D == 3 ? c * (sum3<T>(along_y * last) + w.offset(1) * total) : T(0);
+        const T gz = c * (weighted[2] - weighted[0] + w.offset(D - 1) * total);
+        // back: w (g . (x_i - x_p))
+        T middle = gx * w.offset(0) + gz * w.offset(D - 1);
+        if constexpr (D == 3) middle += gy * w.offset(1);
+        const Quad<T> base = last * Quad<T>{middle - gz, middle, middle + gz, T(0)};
+        const Quad<T> step_x = gx * last;
+        if constexpr (D == 3) {
+          const Quad<T> step_y = gy * last;
+          for (int i = 0; i < 3; i++) {
+            const Quad<T> line = i == 0 ? base - step_x : i == 1 ? base : base + step_x;
+            sum[3 * i] += w.plane(3 * i) * (line - step_y);
+            sum[3 * i + 1] += w.plane(3 * i + 1) * line;
+            sum[3 * i + 2] += w.plane(3 * i + 2) * (line + step_y);
+          }
+        } else {
+          sum[0] += w.plane(0) * (base - step_x);
+          sum[1] += w.plane(1) * base;
+          sum[2] += w.plane(2) * (base + step_x);
+        }
+      } while (++p < chunk.points && s.node[p] == first);
+      for (int r = 0; r < rows; r++) add_row(s.to + first + row_start<D>(r), sum[r]);
+    }
+  });
+  merge_numbers<T, D>(to, block, s.to);
+}
+
+// ------------------------------------------------------------------------------------------------- nodes to particles
+
+/// Calls update(tile, values of the chunk's tile) with sum w f of each particle.
+template <class T, int D, class Update>
+CLEAVE_INLINE void gather_tiles(const ParticleView& set, const BlockView& block, const T* field, DamageScratch<T, D>& s,
+                                Update&& update) {
+  constexpr int lanes = tile_lanes<T>;
+  load_numbers<T, D>(field, block, s.from);
+  for_chunks<T>(set, block, [&](const Chunk& chunk) {
+    chunk_weights<T, D>(set, chunk, s);
+    for (int p = 0; p < chunk.points; p++) s.values[p] = gather_value<T, D>(s.from, s.weights, s.node, p);
+    for (int p = chunk.points; p < chunk.tiles * lanes; p++) s.values[p] = 0;
+    for (int k = 0; k < chunk.tiles; k++) update(chunk.first + std::uint64_t(k), load<T>(s.values + k * lanes));
+  });
+}
+
+/// Stores d, kept from falling, inside [0,1], and at zero while it is negligible.
+template <class T>
+CLEAVE_INLINE void store_damage(const ParticleView& set, std::uint64_t tile, Tile<T> before, Tile<T> after,
+                                typename TileTypes<T>::Mask& damaged) {
+  char* at = set.tiles + tile * set.stride;
+  after = maximum<T>(before, after);
+  after = after < T(1) ? after : Tile<T>{} + T(1);
+  after = (before > T(0)) | (after > T(negligible_damage)) ? after : Tile<T>{};
+  store<T>(at + set.damage, after);
+  damaged |= (after > T(0)) & (load<T>(at + set.volume) > T(0));
+}
+
+template <class T, int D>
+void advance(const ParticleView& set, const BlockView& block, const T* change, void* scratch, DamageReport& report) {
+  typename TileTypes<T>::Mask damaged{};
+  gather_tiles<T, D>(set, block, change, *static_cast<DamageScratch<T, D>*>(scratch), [&](std::uint64_t tile, Tile<T> value) {
+    const Tile<T> d = load<T>(set.tiles + tile * set.stride + set.damage);
+    store_damage<T>(set, tile, d, d + value, damaged);
+  });
+  report.damaged = any(damaged);
+}
+
+/// One explicit step of a tile.
+template <class T>
+CLEAVE_INLINE void integrate_tile(const ParticleView& set, const DamageView& view, std::uint64_t tile, Tile<T> laplacian,
+                                  T rate, T length2, typename TileTypes<T>::Mask& damaged) {
+  const Tile<T> d = load<T>(set.tiles + tile * set.stride + set.damage);
+  const Tile<T> force = load<T>(static_cast<T*>(view.driving_force) + tile * tile_lanes<T>);
+  const Tile<T> growth = (T(1) - d) * force - (d - length2 * laplacian);
+  store_damage<T>(set, tile, d, d + rate * growth, damaged);
+}
+
+template <class T, int D>
+void integrate(const ParticleView& set, const BlockView& block, const DamageView& view, const T* laplacian, double rate,
+               double length, void* scratch, DamageReport& report) {
+  typename TileTypes<T>::Mask damaged{};
+  gather_tiles<T, D>(set, block, laplacian, *static_cast<DamageScratch<T, D>*>(scratch),
+                     [&](std::uint64_t tile, Tile<T> value) {
+                       integrate_tile<T>(set, view, tile, value, T(rate), T(length * length), damaged);
+                     });
+  report.damaged = any(damaged);
+}
+
+// ------------------------------------------------------------------------------------------------- cubic B-splines
+
+/// Node n of the lattice of cell centres lies at n - 1/2, so that the four nodes of a particle start in its own cell and stay
+/// inside the home block's arena. Weights and second derivatives along one axis.
+template <class T>
+struct Cubic {
+  int first;
+  T weight[4], second[4];
+  CLEAVE_INLINE explicit Cubic(T x) {
+    const T y = x - T(0.5);
+    first = int(y);  // y >= 0: particles are sorted
+    const T u = y - T(first), v = T(1) - u;
+    weight[0] = v * v * v / 6;
+    weight[1] = T(2) / 3 - u * u + u * u * u / 2;
+    weight[2] = T(2) / 3 - v * v + v * v * v / 2;
+    weight[3] = u * u * u / 6;
+    second[0] = v;
+    second[1] = 3 * u - 2;
+    second[2] = 3 * v - 2;
+    second[3] = u;
+  }
+};
+
+/// Calls visit(arena node, weight, Laplacian of the weight) for the nodes of a particle.
+template <class T, int D, class Visit>
+CLEAVE_INLINE void for_cubic(const ParticleView& set, const char* tile, int lane, Visit&& visit) {
+  constexpr int edge = GridShape<D>::arena_edge;
+  const auto axis = [&](int a) {
+    return Cubic<T>(reinterpret_cast<const T*>(tile + set.position + a * CLEAVE_TILE_BYTES)[lane]);
+  };
+  const Cubic<T> x = axis(0), y = axis(1);
+  // arena nodes start at -1
+  if constexpr (D == 3) {
+    const Cubic<T> z = axis(2);
+    for (int i = 0; i < 4; i++)
+      for (int j = 0; j < 4; j++)
+        for (int k = 0; k < 4; k++)
+          visit(((x.first + i + 1) * edge + y.first + j + 1) * edge + z.first + k + 1, x.weight[i] * y.weight[j] * z.weight[k],
+                x.second[i] * y.weight[j] * z.weight[k] + x.weight[i] * y.second[j] * z.weight[k] +
+                    x.weight[i] * y.weight[j] * z.second[k]);
+  } else {
+    for (int i = 0; i < 4; i++)
+      for (int j = 0; j < 4; j++)
+        visit((x.first + i + 1) * edge + y.first + j + 1, x.weight[i] * y.weight[j],
+              x.second[i] * y.weight[j] + x.weight[i] * y.second[j]);
+  }
+}
+
+template <class T, int D>
+void collect_cubic(const ParticleView& set, const BlockView& block, const DamageView& view, T* nodes, void* scratch) {
+  auto& s = *static_cast<DamageScratch<T, D>*>(scratch);
+  constexpr int lanes = tile_lanes<T>;
+  for (std::uint32_t p = 0; p < block.count; p++) {
+    const std::uint64_t tile = block.first_tile + p / lanes;
+    const int lane = int(p % lanes);
+    const char* at = set.tiles + tile * set.stride;
+    const T volume = static_cast<const T*>(view.volume)[tile * lanes + std::uint64_t(lane)];
+    const T damage = reinterpret_cast<const T*>(at + set.damage)[lane];
+    for_cubic<T, D>(set, at, lane, [&](int node, T weight, T) {
+      s.collected[node * 4] += volume * weight;
+      s.collected[node * 4 + 1] += volume * weight * damage;
+    });
+  }
+  merge_arena<T, D>(nodes, block, s.collected);
+}
+
+template <class T, int D>
+void integrate_cubic(const ParticleView& set, const BlockView& block, const DamageView& view, const T* damage, double rate,
+                     double length, void* scratch, DamageReport& report) {
+  auto& s = *static_cast<DamageScratch<T, D>*>(scratch);
+  constexpr int lanes = tile_lanes<T>;
+  load_numbers<T, D>(damage, block, s.from);
+  typename TileTypes<T>::Mask damaged{};
+  for (std::uint32_t p = 0; p < block.count; p += lanes) {
+    const std::uint64_t tile = block.first_tile + p / lanes;
+    Tile<T> laplacian{};
+    for (int l = 0; l < lanes && p + std::uint32_t(l) < block.count; l++)
+      for_cubic<T, D>(set, set.tiles + tile * set.stride, l,
+                      [&](int node, T, T second) { laplacian[l] += second * s.from[node]; });
+    integrate_tile<T>(set, view, tile, laplacian, T(rate), T(length * length), damaged);
+  }
+  report.damaged = any(damaged);
+}
+
+template <class T, int D>
+DamageKernels<T, D> table() {
+  return {sizeof(DamageScratch<T, D>), drive<T, D>,          collect<T, D>, stiffness<T, D>, advance<T, D>, integrate<T, D>,
+          collect_cubic<T, D>,         integrate_cubic<T, D>};
+}
+
+}  // namespace
+}  // namespace cleave::mpm::kernel
+
+cleave::mpm::DamageKernelSet cleave::mpm::damage_kernels() {
+  return {kernel::table<float, 2>(), kernel::table<float, 3>(), kernel::table<double, 2>(), kernel::table<double, 3>()};
+}
