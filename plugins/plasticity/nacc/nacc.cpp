@@ -77,7 +77,7 @@ struct NonAssociatedCamClay {
   template <class T>
   Returned<Symmetric3<T>, 1> return_map(const YieldContext& elastic, const Symmetric3<T>& b,
                                         const std::array<T, 1>& state) const {
-    const double kappa = elastic.bulk_modulus, moduli = elastic.deviatoric_modulus / kappa;
+    const double kappa = elastic.bulk_modulus, stiffness_ratio = elastic.deviatoric_modulus / kappa;
     const bool linear = elastic.pressure_law == PressureLaw::linear;
     const bool logarithmic = elastic.pressure_law == PressureLaw::logarithmic;
     const double largest_p0 = linear ? 0.2475 : logarithmic ? std::numbers::ln10 : 0.495;
@@ -86,8 +86,8 @@ struct NonAssociatedCamClay {
     // Pressures and q in units of kappa. Beyond its maximum at J = 1/2 the linear law's pressure counts as that maximum.
     const IsochoricTrial<T> trial(b);
     const T J = sqrt(trial.squared_jacobian);
-    const T p = elastic.pressure(linear ? T(max(J, T(0.5))) : J) / kappa;
-    const T squared_q = 1.5 * moduli * moduli * trial.squared_shape;
+    const T p = elastic.pressure(linear ? T(max(J, T(0.5))) : J) * (1 / kappa);
+    const T squared_q = 1.5 * stiffness_ratio * stiffness_ratio * trial.squared_shape;
 
     // The ellipse of a smaller p0 lies inside, and sinh(x) >= x: most points are found elastic without the sinh.
     const T packing = hardening_factor * max(-alpha, T(0));
