@@ -31,8 +31,7 @@ class Cells {
     cells_.reserve(positions.size());
     for (const Vector3& x : positions) cells_.push_back(containing(x));
     std::sort(cells_.begin(), cells_.end(), before);
-    cells_.erase(std::unique(cells_.begin(), cells_.end()), cells_.end());
-    cells_.shrink_to_fit();
+    count_positions();
     neighbors_.resize(cells_.size());
     for (auto& n : neighbors_) n.fill(none);
     for (int c = 0; c < size(); ++c)
@@ -47,6 +46,8 @@ class Cells {
   int size() const { return int(cells_.size()); }
   int dimension() const { return dimension_; }
   const Lattice& at(int cell) const { return cells_[std::size_t(cell)]; }
+  /// How many positions a cell holds.
+  int count(int cell) const { return counts_[std::size_t(cell)]; }
   /// Cells across the faces, low and high side of each axis; none where there is no cell.
   const std::array<int, 6>& neighbors(int cell) const { return neighbors_[std::size_t(cell)]; }
 
@@ -91,13 +92,141 @@ class Cells {
   }
 
  private:
+  /// Makes the sorted cells unique, with `counts_` how often each was there.
+  void count_positions() {
+    std::size_t end = 0;
+    for (const Lattice& cell : cells_) {
+      if (end > 0 && cells_[end - 1] == cell) {
+        ++counts_.back();
+        continue;
+      }
+      cells_[end++] = cell;
+      counts_.push_back(1);
+    }
+    cells_.resize(end);
+  }
+
   double edge_;
   int dimension_;
   std::vector<Lattice> cells_;
+  std::vector<int> counts_;
   std::vector<std::array<int, 6>> neighbors_;
 };
 
+/// What the positions tell of the shape of the body inside its cells.
+struct Filling {
+  std::vector<double> volume;               ///< part of each cell the body fills, in (0, 1]
+  std::vector<std::array<double, 6>> area;  ///< part of each face the body fills, in the order of Cells::neighbors
+};
+
+/// Number of positions in a cell the body fills: the mean of the cells with neighbours all around, else the most there are.
+double positions_per_cell(const Cells& cells) {
+  const int all_around = cells.dimension() == 3 ? 26 : 8;
+  double sum = 0, full = 0, most = 0;
+  for (int c = 0; c < cells.size(); ++c) {
+    int around = 0;
+    cells.for_each_around(c, [&](int, const Vector3&) { ++around; });
+    most = std::max(most, double(cells.count(c)));
+    if (around < all_around) continue;
+    sum += cells.count(c);
+    ++full;
+  }
+  return full > 0 ? sum / full : most;
+}
+
+/// Signed distance of a node to a plane surface, in cells and negative outside, from the density there: positions weighted with
+/// the linear kernel N give, at distance d inside a half-space of density 1, 1/2 + d - d^2/2, and likewise outside.
+double depth(double density) {
+  const double beyond = std::clamp(density - 0.5, -0.5, 0.5);
+  return std::copysign(1 - std::sqrt(1 - 2 * std::abs(beyond)), beyond);
+}
+
+/// Part of a line on which a function that is linear between its ends is positive.
+double positive_part(double a, double b) {
+  if (a > 0 && b > 0) return 1;
+  if (a <= 0 && b <= 0) return 0;
+  return std::max(a, b) / std::abs(a - b);
+}
+
+Filling measure_filling(const Cells& cells, const std::vector<Vector3>& positions, double edge) {
+  // Share of each corner in the positions of a cell, in whole units so that their order does not matter.
+  constexpr double unit = 0x1p-32;
+  std::vector<std::array<std::int64_t, 8>> shares(std::size_t(cells.size()), std::array<std::int64_t, 8>{});
+  for (const Vector3& x : positions) {
+    const int c = cells.find(cells.containing(x));
+    const Vector3 within = (x - cells.center(c)) / edge;
+    for (int corner = 0; corner < 1 << cells.dimension(); ++corner) {
+      double weight = 1;
+      for (int axis = 0; axis < cells.dimension(); ++axis) weight *= 0.5 + (corner >> axis & 1 ? within[axis] : -within[axis]);
+      shares[std::size_t(c)][std::size_t(corner)] += std::int64_t(weight / unit);
+    }
+  }
+
+  Filling filling;
+  filling.volume.resize(shares.size());
+  filling.area.resize(shares.size());
+  const double full = positions_per_cell(cells);
+  const int corners = 1 << cells.dimension();
+  for (int c = 0; c < cells.size(); ++c) {
+    filling.volume[std::size_t(c)] = std::min(1.0, cells.count(c) / full);
+    double density[8] = {};
+    const auto add = [&](int other, const Vector3& offset) {
+      for (int corner = 0; corner < corners; ++corner) {
+        int seen_from_there = 0;
+        bool shared = true;
+        for (int axis = 0; axis < cells.dimension(); ++axis) {
+          const int place = (corner >> axis & 1) - int(offset[axis]);
+          shared = shared && (place == 0 || place == 1);
+          seen_from_there |= (place & 1) << axis;
+        }
+        if (shared) density[corner] += unit * double(shares[std::size_t(other)][std::size_t(seen_from_there)]) / full;
+      }
+    };
+    add(c, Vector3::Zero());
+    cells.for_each_around(c, add);
+    for (int axis = 0; axis < cells.dimension(); ++axis) {
+      const int above = cells.neighbors(c)[std::size_t(2 * axis + 1)];
+      if (above == none) continue;
+      double d[4] = {};
+      for (int corner = 0, n = 0; corner < corners; ++corner)
+        if (corner >> axis & 1) d[n++] = depth(density[corner]);
+      double area = 0;
+      if (cells.dimension() == 2) {
+        area = positive_part(d[0], d[1]);
+      } else {
+        constexpr int lines = 8;
+        for (int line = 0; line < lines; ++line) {
+          const double t = (line + 0.5) / lines;
+          area += positive_part(d[0] + t * (d[2] - d[0]), d[1] + t * (d[3] - d[1])) / lines;
+        }
+      }
+      // Thinner than its cells can show, the body still conducts.
+      constexpr double least_area = 1e-3;
+      area = std::max(area, least_area);
+      filling.area[std::size_t(c)][std::size_t(2 * axis + 1)] = area;
+      filling.area[std::size_t(above)][std::size_t(2 * axis)] = area;
+    }
+  }
+  return filling;
+}
+
 enum class Role : std::uint8_t { free, inflow, outflow };
+
+/// Where the potential is given.
+struct Regions {
+  const SignedDistance& inflow;
+  const SignedDistance& outflow;
+  std::vector<Role> roles;  ///< of each cell
+
+  Role role(int cell) const { return roles[std::size_t(cell)]; }
+  /// How far from the centre of a free cell the region of another is, as a part of the way to the centre of that one.
+  double entry(const Cells& cells, int free, int other) const {
+    const SignedDistance& region = role(other) == Role::inflow ? inflow : outflow;
+    const double outside = region.distance(cells.center(free)), inside = region.distance(cells.center(other));
+    constexpr double nearest = 1e-3;  // keeps the equations well conditioned
+    return std::max(nearest, outside / (outside - inside));
+  }
+};
 
 std::vector<Role> assign_roles(const Cells& cells, const SignedDistance& inflow, const SignedDistance& outflow) {
   std::vector<Role> roles(std::size_t(cells.size()), Role::free);
@@ -170,8 +299,10 @@ void check_connected(const Cells& cells, const std::vector<Role>& roles) {
                     apart, cells.size(), count, through));
 }
 
-/// phi in every cell. One equation for each free cell: the fluxes through its faces cancel.
-std::vector<double> solve_potential(const Cells& cells, const std::vector<Role>& roles) {
+/// phi in every cell. One equation for each free cell: the fluxes through the filled parts of its faces cancel (Ng, Min and
+/// Gibou 2009: walls at any angle leave a linear phi exact). A region is met where its surface is (Gibou et al. 2002).
+std::vector<double> solve_potential(const Cells& cells, const Regions& regions, const Filling& filling) {
+  const auto& roles = regions.roles;
   std::vector<int> unknown(roles.size(), none);
   int unknowns = 0;
   for (std::size_t c = 0; c < roles.size(); ++c)
@@ -185,16 +316,21 @@ std::vector<double> solve_potential(const Cells& cells, const std::vector<Role>&
   for (int c = 0; c < cells.size(); ++c) {
     const int row = unknown[std::size_t(c)];
     if (row == none) continue;
-    double faces = 0;
-    for (const int n : cells.neighbors(c)) {
+    double total = 0;
+    for (std::size_t face = 0; face < 6; ++face) {
+      const int n = cells.neighbors(c)[face];
       if (n == none) continue;
-      ++faces;
-      if (unknown[std::size_t(n)] != none)
-        entries.emplace_back(row, unknown[std::size_t(n)], -1.0);
-      else
-        source[row] += phi[std::size_t(n)];
+      const double area = filling.area[std::size_t(c)][face];
+      if (unknown[std::size_t(n)] != none) {
+        total += area;
+        entries.emplace_back(row, unknown[std::size_t(n)], -area);
+      } else {
+        const double near = area / regions.entry(cells, c, n);
+        total += near;
+        source[row] += near * phi[std::size_t(n)];
+      }
     }
-    entries.emplace_back(row, row, faces);
+    entries.emplace_back(row, row, total);
   }
   Eigen::SparseMatrix<double> laplacian(unknowns, unknowns);
   laplacian.setFromTriplets(entries.begin(), entries.end());
@@ -213,12 +349,15 @@ std::vector<double> solve_potential(const Cells& cells, const std::vector<Role>&
   return phi;
 }
 
-/// Gradient of phi per cell of a free cell: the linear function that fits the cells around best, weighted with 1/distance^2.
-Vector3 gradient(const Cells& cells, const std::vector<double>& phi, int cell) {
+/// Gradient of phi per cell of a free cell: the linear function that fits the cells around best, weighted with
+/// volume/distance^2.
+Vector3 gradient(const Cells& cells, const std::vector<double>& phi, const Regions& regions, const Filling& filling, int cell) {
   Matrix3 moments = Matrix3::Zero();
   Vector3 differences = Vector3::Zero();
-  cells.for_each_around(cell, [&](int other, const Vector3& offset) {
-    const double weight = 1 / offset.squaredNorm();
+  cells.for_each_around(cell, [&](int other, const Vector3& to_center) {
+    const Vector3 offset =
+        regions.role(other) == Role::free ? to_center : Vector3(regions.entry(cells, cell, other) * to_center);
+    const double weight = filling.volume[std::size_t(other)] / to_center.squaredNorm();
     moments += weight * offset * offset.transpose();
     differences += weight * (phi[std::size_t(other)] - phi[std::size_t(cell)]) * offset;
   });
@@ -226,7 +365,7 @@ Vector3 gradient(const Cells& cells, const std::vector<double>& phi, int cell) {
   const Eigen::SelfAdjointEigenSolver<Matrix3> axes(moments);
   Vector3 result = Vector3::Zero();
   for (int i = 0; i < 3; ++i)
-    if (axes.eigenvalues()[i] > 1e-6)
+    if (axes.eigenvalues()[i] > 1e-6 * axes.eigenvalues()[2])
       result += axes.eigenvectors().col(i).dot(differences) / axes.eigenvalues()[i] * axes.eigenvectors().col(i);
   return result;
 }
@@ -256,16 +395,27 @@ void carry_on(const Cells& cells, std::vector<Vector3>& directions) {
   }
 }
 
-std::vector<Vector3> cell_directions(const Cells& cells, const std::vector<Role>& roles, const std::vector<double>& phi) {
-  std::vector<Vector3> directions(roles.size(), Vector3::Zero());
+std::vector<Vector3> cell_directions(const Cells& cells, const Regions& regions, const Filling& filling) {
+  const auto phi = solve_potential(cells, regions, filling);
+  std::vector<Vector3> gradients(std::size_t(cells.size()), Vector3::Zero());
   tbb::parallel_for(0, cells.size(), [&](int c) {
-    if (roles[std::size_t(c)] == Role::free) directions[std::size_t(c)] = -gradient(cells, phi, c);
+    if (regions.role(c) == Role::free) gradients[std::size_t(c)] = gradient(cells, phi, regions, filling, c);
   });
   double largest = 0;
-  for (const Vector3& g : directions) largest = std::max(largest, g.norm());
+  for (const Vector3& g : gradients) largest = std::max(largest, g.norm());
   // Below this share of the fastest flow the gradient is no more than what the solver leaves.
   constexpr double slowest = 1e-6;
-  for (Vector3& g : directions) g = g.norm() > slowest * largest ? Vector3(g.normalized()) : Vector3(Vector3::Zero());
+  for (Vector3& g : gradients) g = g.norm() > slowest * largest ? Vector3(-g.normalized()) : Vector3(Vector3::Zero());
+  // Cells that the surface cuts know their own gradient badly: each takes the mean around it, weighted with volume.
+  std::vector<Vector3> directions(gradients.size(), Vector3::Zero());
+  tbb::parallel_for(0, cells.size(), [&](int c) {
+    if (gradients[std::size_t(c)].isZero(0)) return;
+    Vector3 sum = filling.volume[std::size_t(c)] * gradients[std::size_t(c)];
+    cells.for_each_around(c, [&](int other, const Vector3& offset) {
+      sum += filling.volume[std::size_t(other)] / (1 + offset.squaredNorm()) * gradients[std::size_t(other)];
+    });
+    directions[std::size_t(c)] = sum.norm() > 1e-6 ? Vector3(sum.normalized()) : gradients[std::size_t(c)];
+  });
   return directions;
 }
 
@@ -289,9 +439,9 @@ Vector3 interpolate(const Cells& cells, const std::vector<Vector3>& directions, 
 std::vector<Vector3> flow_directions(const SignedDistance& inflow, const SignedDistance& outflow,
                                      const std::vector<Vector3>& positions, double cell_size, int dimension) {
   const Cells cells(positions, cell_size, dimension);
-  const auto roles = assign_roles(cells, inflow, outflow);
-  check_connected(cells, roles);
-  auto directions = cell_directions(cells, roles, solve_potential(cells, roles));
+  const Regions regions{inflow, outflow, assign_roles(cells, inflow, outflow)};
+  check_connected(cells, regions.roles);
+  auto directions = cell_directions(cells, regions, measure_filling(cells, positions, cell_size));
   if (std::all_of(directions.begin(), directions.end(), [](const Vector3& d) { return d.isZero(0); }))
     throw InputError(
         fmt::format("'inflow' and 'outflow' of the fibers leave no cell of the body between them ({} cells)", cells.size()));
