@@ -89,8 +89,8 @@ TEST_F(BadInput, AnUnknownPluginWithTheNearest) {
 TEST_F(BadInput, APluginOfAnotherKind) {
   expect(
       with([](auto& o) { o.laws.damage = "point-von-mises"; }),
-      "--damage: error: 'plasticity/point-von-mises' is a plasticity law, here belongs a damage law; there are: point-local, "
-      "point-tensile-energy");
+      "--damage: error: 'plasticity/point-von-mises' is a plasticity law, here belongs a damage law; there are: anisotropic, "
+      "phase-field, point-local, point-tensile-energy, rankine");
 }
 TEST_F(BadInput, AnUnknownParameterWithTheNearest) {
   expect(with([](auto& o) { o.laws.sets[0] = "elasticity.young_modulus=1e6"; }),
