@@ -72,7 +72,7 @@ struct DruckerPrager {
     const double rounding = yield_tolerance<T> * kappa;
     const auto torn = p < apex - rounding;
     const T limit = max(friction * p + cohesion, T(0)) * (1 / mu);
-    const T beyond_rounding = (1 + yield_tolerance<T>)*limit + friction * rounding / mu;
+    const T beyond_rounding = limit + yield_tolerance<T> * (limit + trial.mean) + friction * rounding / mu;
     const auto sheared = trial.squared_shape > beyond_rounding * beyond_rounding;
     const auto yielded = torn || sheared || closing;
     if (none(yielded)) return {.strain = b, .state = state, .yielded = yielded};

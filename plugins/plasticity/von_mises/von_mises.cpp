@@ -46,7 +46,8 @@ struct VonMises {
     const T limit = tau_y + H * state[0];
     const IsochoricTrial<T> trial(b);
     const T squared_q = 1.5 * trial.squared_shape;
-    const auto outside = squared_q > (1 + 2 * yield_tolerance<T>)*limit * limit;
+    const T beyond_rounding = limit + yield_tolerance<T> * (limit + trial.mean);
+    const auto outside = squared_q > beyond_rounding * beyond_rounding;
     if (none(outside)) return {.strain = b, .state = state, .yielded = outside};
 
     const T q = sqrt(squared_q);
