@@ -110,9 +110,10 @@ struct AnisotropicDamage {
     const SymmetricEigen<T> s = symmetric_eigen(point.effective_stress);
     const Vector3<T> tension(max(s.values[0], T(0)), max(s.values[1], T(0)), max(s.values[2], T(0)));
     if (alpha_1 == 0 && alpha_2 == 0) return squared_norm(tension);
-    const Matrix3<T> to_axes = transpose(s.vectors) * polar(point.strain).rotation;
+    const Matrix3<T> to_axes = transpose(s.vectors) * polar(point.strain()).rotation;
+    const Fibers<T> fibers = point.fibers();
     const Symmetric3<T> A =
-        identity<T>() + (alpha_1 * outer(to_axes * point.fibers.first) + alpha_2 * outer(to_axes * point.fibers.second));
+        identity<T>() + (alpha_1 * outer(to_axes * fibers.first) + alpha_2 * outer(to_axes * fibers.second));
     return dot(tension, Vector3<T>(A[0] * A[0] * tension[0] + 2 * A[3] * A[3] * tension[1],
                                    A[1] * A[1] * tension[1] + 2 * A[5] * A[5] * tension[2],
                                    A[2] * A[2] * tension[2] + 2 * A[4] * A[4] * tension[0]));

@@ -4,8 +4,8 @@
 /// A law is a struct with `about` and, where it has any, `parameters`, `states` (<cleave/parameters.hpp>), and
 ///
 ///   static constexpr DamageInputs inputs{.tensile_energy = true};   what `point` brings from the elastic law
-///   static constexpr Accepts accepts = ...;                         only if the formula reads point.strain
-///   static constexpr int fibers = 1;                                or 2: only if it reads point.fibers
+///   static constexpr Accepts accepts = ...;                         only if the formula reads point.strain()
+///   static constexpr int fibers = 1;                                or 2: only if it reads point.fibers()
 ///   static constexpr bool optional_fibers = true;   F and fibers are given only where a parameter's `needs` says so, and
 ///                                                   are the identity and the axes x, y elsewhere
 ///
@@ -18,8 +18,7 @@
 ///   template <class T, class Point>
 ///   Damaged<T, N> damage(const Point& point, const std::array<T, N>& state) const;  the new d and state
 ///
-/// Point is DamagePoint<T, Strain>. With lanes a costly formula may be skipped where it cannot matter: `if (none(mask))
-/// return`.
+/// Point is a DamagePoint. With lanes a costly formula may be skipped where it cannot matter: `if (none(mask)) return`.
 #ifndef CLEAVE_DAMAGE_HPP
 #define CLEAVE_DAMAGE_HPP
 
@@ -35,15 +34,19 @@ struct DamageInputs {
   bool effective_stress = false;  ///< Cauchy stress of the isotropic part, undegraded
 };
 
-template <class T, class Strain>
+/// strain() and fibers() are read when they are asked for: a law that can tell from the rest that nothing drives damage does
+/// not pay for them.
+template <class T, class Strain, class Source>
 struct DamagePoint {
-  Strain strain;                   ///< b or F, as `accepts` says
-  Fibers<T> fibers;                ///< as `fibers` says
   T tensile_energy;                ///< [J/m^3], as `inputs` says
   Symmetric3<T> effective_stress;  ///< [Pa], as `inputs` says
   T damage;                        ///< d in [0,1] at the start of the step
   T toughness;                     ///< factor on the toughness of this point
   double time_step;                ///< s
+  Source source;
+
+  Strain strain() const { return source.strain(); }     ///< b or F, as `accepts` says
+  Fibers<T> fibers() const { return source.fibers(); }  ///< as `fibers` says
 };
 
 template <class T, std::size_t N = 0>
@@ -91,7 +94,20 @@ template <class Law, class S>
 struct DamageBatch {
   using T = Lanes<S>;
   static constexpr std::size_t n = state_count<Law>();
-  using Point = DamagePoint<T, StrainOf<Law, T>>;
+  struct Source {
+    const DamageBatch& batch;
+    const Chunk<S>& chunk;
+    CLEAVE_INLINE StrainOf<Law, T> strain() const {
+      if constexpr (is_law_of_b<Law>)
+        return batch.b ? chunk.load_symmetric(batch.b) : left_cauchy_green(chunk.load_matrix(batch.F));
+      else if constexpr (has_optional_fibers<Law>)
+        return batch.F ? chunk.load_matrix(batch.F) : diagonal(Vector3<T>(T(1), T(1), T(1)));
+      else
+        return chunk.load_matrix(batch.F);
+    }
+    CLEAVE_INLINE Fibers<T> fibers() const { return load_fibers<Law>(chunk, batch.first_fiber, batch.second_fiber); }
+  };
+  using Point = DamagePoint<T, StrainOf<Law, T>, Source>;
   static constexpr DamageInputs inputs = damage_inputs<Law>;
 
   const Law& law;
@@ -115,18 +131,12 @@ struct DamageBatch {
         output(batch.field(is_local_damage<Law> ? CLEAVE_FIELD_DAMAGE_OUT : CLEAVE_FIELD_DRIVING_FORCE)) {}
 
   CLEAVE_INLINE Point load(const Chunk<S>& chunk) const {
-    Point point{};
-    if constexpr (is_law_of_b<Law>)
-      point.strain = b ? chunk.load_symmetric(b) : left_cauchy_green(chunk.load_matrix(F));
-    else if constexpr (is_law_of_F<Law>)
-      point.strain = has_optional_fibers<Law> && !F ? diagonal(Vector3<T>(T(1), T(1), T(1))) : chunk.load_matrix(F);
-    point.fibers = load_fibers<Law>(chunk, first_fiber, second_fiber);
-    if constexpr (inputs.tensile_energy) point.tensile_energy = chunk.load(energy);
-    if constexpr (inputs.effective_stress) point.effective_stress = chunk.load_symmetric(stress);
-    point.damage = damage ? chunk.load(damage) : T(0);
-    point.toughness = toughness ? chunk.load(toughness) : T(1);
-    point.time_step = batch.time_step();
-    return point;
+    return {.tensile_energy = inputs.tensile_energy ? chunk.load(energy) : T(0),
+            .effective_stress = inputs.effective_stress ? chunk.load_symmetric(stress) : Symmetric3<T>(),
+            .damage = damage ? chunk.load(damage) : T(0),
+            .toughness = toughness ? chunk.load(toughness) : T(1),
+            .time_step = batch.time_step(),
+            .source = {*this, chunk}};
   }
 
   [[gnu::noinline]] CLEAVE_FLATTEN void drive() const {
