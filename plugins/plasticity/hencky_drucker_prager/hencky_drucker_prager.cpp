@@ -1,4 +1,5 @@
 #include <cleave/decompositions.hpp>
+#include <cleave/isochoric_return.hpp>
 #include <cleave/plasticity.hpp>
 
 #include <numbers>
@@ -66,10 +67,11 @@ struct HenckyDruckerPrager {
     const T gained = volume_correction ? state[0] : T(0);
     const T trial = e[0] + e[1] + e[2], corrected = trial + gained, mean = trial / 3;
     const Vector3<T> shape(e[0] - mean, e[1] - mean, e[2] - mean);
-    const T size = norm(shape), limit = (cohesion - 3 * friction * kappa * corrected) / (2 * mu);
-    const mask_of<T> opens = corrected > apex, closes = gained != T(0);
+    const T size = norm(shape), limit = max((cohesion - 3 * friction * kappa * corrected) / (2 * mu), T(0));
+    const T rounding = yield_tolerance<T> * (values[0] / values[2]);  // of e, known to that of b
+    const mask_of<T> opens = corrected > apex + rounding, closes = gained != T(0);
     // A strain that has no logarithm counts as outside: its result is not finite, which is reported.
-    const mask_of<T> moves = opens | closes | !(size <= limit);
+    const mask_of<T> moves = opens | closes | !(size <= limit + rounding);
     if (none(moves)) return {.strain = b, .state = state, .yielded = moves};
 
     const T kept = select(opens, T(0), select(size > limit, limit / size, T(1)));

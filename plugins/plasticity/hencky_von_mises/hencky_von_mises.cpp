@@ -1,4 +1,5 @@
 #include <cleave/decompositions.hpp>
+#include <cleave/isochoric_return.hpp>
 #include <cleave/plasticity.hpp>
 
 namespace {
@@ -53,7 +54,8 @@ struct HenckyVonMises {
     const T q = 2.4494897427831781 * mu * norm(shape);
     const T limit = yield_stress + hardening_modulus * state[0];
     // A strain that has no logarithm counts as outside: its result is not finite, which is reported.
-    const mask_of<T> outside = !(q <= limit);
+    const T rounding = yield_tolerance<T> * (values[0] / values[2]);  // of e, known to that of b
+    const mask_of<T> outside = !(q <= limit + 2.4494897427831781 * mu * rounding);
     if (none(outside)) return {.strain = b, .state = state, .yielded = outside};
 
     const T flow = (q - limit) / (3 * mu + hardening_modulus);

@@ -167,6 +167,16 @@ TEST(HenckyVonMises, YieldsAtItsStressInTensionAndAtItsThirdRootInShear) {
   }
 }
 
+/// A surface that a state rests on must not let rounding pass for plastic strain, step after step.
+TEST(HenckyVonMises, RestingOnTheSurfaceInSinglePrecisionIsNoFlow) {
+  const Instance law = mapping("hencky-von-mises", {{"yield_stress", 30.0}});
+  std::vector<Tensor> b;
+  for (const Tensor& F : trials()) b.push_back(F * F.transpose());
+  const auto first = map_all<float>(law, b, 0, CLEAVE_FIELD_B);
+  for (std::size_t k = 0; k < b.size(); ++k) b[k] = first[k].strain;
+  for (const Mapped& again : map_all<float>(law, b, 0, CLEAVE_FIELD_B)) EXPECT_FALSE(again.yielded) << again.strain;
+}
+
 // ---------------------------------------------------------------- Drucker-Prager
 
 TEST(HenckyDruckerPrager, LandsOnTheConeAtTheTrialsPressureOrOnItsApex) {
@@ -190,6 +200,16 @@ TEST(HenckyDruckerPrager, LandsOnTheConeAtTheTrialsPressureOrOnItsApex) {
   }
   EXPECT_GT(cone, 10);
   EXPECT_GT(apex, 10);
+}
+
+TEST(HenckyDruckerPrager, RestingOnTheConeInSinglePrecisionIsNoFlow) {
+  const Instance law =
+      mapping("hencky-drucker-prager", {{"friction_angle", 35.0}, {"cohesion", 2.0}, {"volume_correction", false}});
+  std::vector<Tensor> b;
+  for (const Tensor& F : trials()) b.push_back(F * F.transpose());
+  const auto first = map_all<float>(law, b, 0, CLEAVE_FIELD_B);
+  for (std::size_t k = 0; k < b.size(); ++k) b[k] = first[k].strain;
+  for (const Mapped& again : map_all<float>(law, b, 0, CLEAVE_FIELD_B)) EXPECT_FALSE(again.yielded) << again.strain;
 }
 
 /// q = 6 sin(phi)/(3 - sin(phi)) p in triaxial compression without cohesion.
