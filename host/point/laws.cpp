@@ -161,6 +161,7 @@ Laws make_laws(const LawChoice& choice, plugins::Registry& registry, std::vector
   const plugins::ElasticProbe probe(laws.elasticity);
   surroundings.isochoric = laws.elasticity.isochoric_response();
   surroundings.elastic = probe.get();
+  laws.stiffness = probe.get()->bulk_modulus + 4. / 3 * probe.get()->shear_modulus;
   if (material.plasticity) laws.plasticity = instantiate(*material.plasticity, registry, surroundings);
   if (material.damage) {
     laws.damage = instantiate(*material.damage, registry, surroundings);

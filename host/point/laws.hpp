@@ -26,6 +26,7 @@ struct Laws {
   config::Precision precision = config::Precision::double_precision;
   double residual = 0;  ///< r of g(d) = (1-r)(1-d)^2 + r
   bool damage_is_local = false;
+  double stiffness = 0;  ///< kappa + 4/3 mu of the elastic law at rest: what a stress is small against [Pa]
 
   double degradation(double d) const { return (1 - residual) * (1 - d) * (1 - d) + residual; }
 };

@@ -18,7 +18,7 @@ using namespace cleave;
 /// compressed side of the centre harden, those on the other side soften.        [Wolper et al. 2019, CD-MPM, section 6.2]
 ///
 /// Elastic laws of bounded pressure cannot reach a p0 above that bound. p0 ends where its tip is at J = 0.1 (linear pressure
-/// law, p <= kappa/4: at J = 0.55), so that material can always be crushed.
+/// law, p <= kappa/4: at J = 0.55), so that material can always be crushed; returns that meet this end are reported unreliable.
 struct NonAssociatedCamClay {
   static constexpr About about{.id = "plasticity/nacc",
                                .version = "1.0.0",
@@ -93,7 +93,7 @@ struct NonAssociatedCamClay {
     const T packing = hardening_factor * max(-alpha, T(0));
     mask_of<T> outside = is_outside<T>(p, squared_q, min(1e-5 + packing, T(largest_p0)));
     if (none(outside)) return {.strain = b, .state = state, .yielded = outside};
-    const T p0 = min(1e-5 + sinh(packing), T(largest_p0));
+    const T hardened = 1e-5 + sinh(packing), p0 = min(hardened, T(largest_p0));
     outside = outside && is_outside<T>(p, squared_q, p0);
     if (none(outside)) return {.strain = b, .state = state, .yielded = outside};
 
@@ -110,7 +110,8 @@ struct NonAssociatedCamClay {
 
     return {.strain = select(sheared, shear_return, volumetric_strain(J_reference)),
             .state = {hardening ? alpha + log(J / J_reference) : alpha},
-            .yielded = outside};
+            .yielded = outside,
+            .unreliable = outside && hardened > T(largest_p0)};
   }
 };
 

@@ -38,7 +38,8 @@ struct Returned {
   Strain strain;
   std::array<T, N> state;
   mask_of<T> yielded;
-  mask_of<T> retry = mask_of<T>(false);  ///< no return exists for this step; a smaller one may have one
+  mask_of<T> retry = mask_of<T>(false);       ///< no return exists for this step; a smaller one may have one
+  mask_of<T> unreliable = mask_of<T>(false);  ///< the return is outside what the law is meant for: the host says so once
 };
 
 namespace detail {
@@ -104,6 +105,7 @@ struct PlasticBatch {
           chunk.store(state_out + i, select(result.yielded, result.state[i], before[i]));
         }
       if (yielded) chunk.store(yielded, select(result.yielded, T(1), T(0)));
+      chunk.raise(result.unreliable, CLEAVE_STATUS_UNRELIABLE);
       chunk.raise(result.retry, CLEAVE_STATUS_RETRY);
       chunk.raise(!valid, CLEAVE_STATUS_FATAL);
     });

@@ -24,7 +24,8 @@ class BadInput : public PointTest {
   }
 };
 
-const std::string there_are = "there are: fixed-corotated, point-fibrous, point-stress-only, split-neo-hookean";
+const std::string there_are =
+    "there are: fixed-corotated, point-fibrous, point-stress-only, qr, split-neo-hookean, stvk-hencky";
 
 TEST_F(BadInput, MissingColumnsAreNamed) {
   expect_table("F00,F01,F02,F10,F11,F12,F20,name\n",
@@ -135,7 +136,7 @@ TEST_F(BadInput, LawsThatDoNotGoTogether) {
            o.laws.sets.push_back("plasticity.yield_stress=1e4");
          }),
          "--plasticity: error: 'plasticity/point-von-mises' needs the isochoric response of the elastic law, which "
-         "'elasticity/fixed-corotated' does not offer; these do: point-fibrous, split-neo-hookean");
+         "'elasticity/fixed-corotated' does not offer; these do: point-fibrous, qr, split-neo-hookean, stvk-hencky");
 }
 
 TEST_F(BadInput, FibersThatAreNeeded) {
