@@ -370,7 +370,8 @@ Vector3 gradient(const Cells& cells, const std::vector<double>& phi, const Regio
   return result;
 }
 
-/// Gives the cells without a direction the mean of those around them, layer by layer.
+/// Gives the cells without a direction the mean of those around them, layer by layer. All of a part of the body without any
+/// direction means that its regions touch.
 void carry_on(const Cells& cells, std::vector<Vector3>& directions) {
   std::vector<int> open;
   for (int c = 0; c < cells.size(); ++c)
@@ -390,6 +391,11 @@ void carry_on(const Cells& cells, std::vector<Vector3>& directions) {
       else
         reached.emplace_back(c, sum.norm() > 1e-6 ? Vector3(sum.normalized()) : any);
     }
+    if (reached.empty())
+      throw InputError(
+          fmt::format("'inflow' and 'outflow' of the fibers leave no room for a flow between them in {} of the {} cells of the "
+                      "body; move them apart",
+                      left.size(), cells.size()));
     for (const auto& [c, direction] : reached) directions[std::size_t(c)] = direction;
     open = std::move(left);
   }
@@ -442,9 +448,6 @@ std::vector<Vector3> flow_directions(const SignedDistance& inflow, const SignedD
   const Regions regions{inflow, outflow, assign_roles(cells, inflow, outflow)};
   check_connected(cells, regions.roles);
   auto directions = cell_directions(cells, regions, measure_filling(cells, positions, cell_size));
-  if (std::all_of(directions.begin(), directions.end(), [](const Vector3& d) { return d.isZero(0); }))
-    throw InputError(
-        fmt::format("'inflow' and 'outflow' of the fibers leave no cell of the body between them ({} cells)", cells.size()));
   carry_on(cells, directions);
   std::vector<Vector3> field(positions.size());
   tbb::parallel_for(std::size_t{0}, positions.size(),
