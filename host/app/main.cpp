@@ -1,3 +1,4 @@
+#include "app/bench_command.hpp"
 #include "app/plugins_command.hpp"
 #include "app/point_command.hpp"
 #include "app/run_command.hpp"
@@ -63,6 +64,16 @@ int main(int argc, char** argv) {
   point_cli->callback([&] {
     auto r = registry();
     status = app::point_command(point, r);
+  });
+
+  app::BenchOptions bench;
+  auto* bench_cli = cli.add_subcommand("bench", "Measure the program");
+  bench_cli->require_subcommand(1);
+  auto* kernels_cli = bench_cli->add_subcommand("kernels", "Time per point of the material laws");
+  app::add_bench_options(*kernels_cli, bench);
+  kernels_cli->callback([&] {
+    auto r = registry();
+    status = app::bench_command(bench, r);
   });
 
   try {

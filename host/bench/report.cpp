@@ -1,0 +1,164 @@
+#include "bench/report.hpp"
+
+#include "common/error.hpp"
+
+#include <fmt/format.h>
+#include <toml++/toml.h>
+#include <unistd.h>
+
+#include <algorithm>
+#include <cstdio>
+#include <cstdlib>
+#include <filesystem>
+#include <fstream>
+#include <sstream>
+
+namespace cleave::bench {
+namespace {
+
+/// "elasticity/qr: stress, with fibres"
+std::string label(const Kernel& kernel) { return kernel.id + ": " + kernel.condition; }
+
+std::string number_cell(const std::optional<Timing>& timing) {
+  return timing ? fmt::format("{:.2f}", timing->median) : std::string("-");
+}
+
+toml::table to_json(const Timing& timing) { return toml::table{{"median_ns", timing.median}, {"fastest_ns", timing.fastest}}; }
+
+toml::table to_json(const plugins::GivenParameters& parameters) {
+  toml::table table;
+  for (const auto& parameter : parameters)
+    std::visit(
+        [&](const auto& value) {
+          if constexpr (std::is_same_v<std::decay_t<decltype(value)>, std::vector<double>>) {
+            toml::array list;
+            for (double element : value) list.push_back(element);
+            table.insert(parameter.first, std::move(list));
+          } else {
+            table.insert(parameter.first, value);
+          }
+        },
+        parameter.second);
+  return table;
+}
+
+bool is_executable(const std::filesystem::path& file) {
+  std::error_code error;
+  return std::filesystem::is_regular_file(file, error) && access(file.c_str(), X_OK) == 0;
+}
+
+/// The label of a tick in a gnuplot script, which takes it for a format.
+std::string quoted(const std::string& text) {
+  std::string escaped;
+  for (const char c : text) escaped += c == '"' || c == '\\' ? std::string("\\") + c : std::string(c == '%' ? 2 : 1, c);
+  return '"' + escaped + '"';
+}
+
+/// Bars grow to the right from the axis; kernels follow each other downwards, single precision above double.
+std::string chart_script(const KernelResults& results) {
+  const std::size_t rows = results.kernels.size();
+  std::string labels, single, doubled;
+  double longest = 0;
+  for (std::size_t i = 0; i < rows; ++i) {
+    const Kernel& kernel = results.kernels[i];
+    const double y = double(rows - i);
+    labels += fmt::format("{}{} {}", i == 0 ? "" : ", ", quoted(label(kernel)), y);
+    const auto bar = [&](std::string& bars, const std::optional<Timing>& timing, double low, double high) {
+      if (!timing) return;
+      bars += fmt::format("0 {} 0 {} {} {}\n", y, timing->median, y + low, y + high);
+      longest = std::max(longest, timing->median);
+    };
+    bar(single, kernel.single, 0.02, 0.36);
+    bar(doubled, kernel.doubled, -0.36, -0.02);
+  }
+  return fmt::format(
+      "set terminal svg noenhanced size 900,{} background 'white'\n"
+      "set xlabel 'nanoseconds per point'\nset xrange [0:{}]\nset yrange [0.4:{}]\n"
+      "set ytics ({})\nset ytics scale 0\nset xtics nomirror\nset grid xtics\nset border 3\nset key outside top center "
+      "horizontal\n"
+      "$single << END\n{}END\n$double << END\n{}END\n"
+      "plot $single using 1:2:3:4:5:6 with boxxyerror fs solid noborder lc rgb '#1f6f8b' title 'single precision', "
+      "$double using 1:2:3:4:5:6 with boxxyerror fs solid noborder lc rgb '#e07b39' title 'double precision'\n",
+      110 + 30 * rows, 1.05 * longest, double(rows) + 0.6, labels, single.empty() ? "0 0 0 0 0 0\n" : single,
+      doubled.empty() ? "0 0 0 0 0 0\n" : doubled);
+}
+
+/// A file that goes with its owner.
+class TemporaryFile {
+ public:
+  explicit TemporaryFile(const std::string& text) {
+    path_ = (std::filesystem::temp_directory_path() / "cleave-chart-XXXXXX").string();
+    const int descriptor = mkstemp(path_.data());
+    if (descriptor < 0) throw InputError("cannot write " + path_);
+    close(descriptor);
+    if (!(std::ofstream(path_, std::ios::binary) << text)) throw InputError("cannot write " + path_);
+  }
+  ~TemporaryFile() { std::remove(path_.c_str()); }
+  TemporaryFile(const TemporaryFile&) = delete;
+  TemporaryFile& operator=(const TemporaryFile&) = delete;
+  const std::string& path() const { return path_; }
+
+ private:
+  std::string path_;
+};
+
+}  // namespace
+
+std::string table_text(const KernelOptions& options, const KernelResults& results) {
+  std::size_t width = 0;
+  for (const Kernel& kernel : results.kernels) width = std::max(width, label(kernel).size());
+  std::string text =
+      fmt::format("nanoseconds per point, one thread, {} points per call, median of {}\n\n{:<{}}  {:>8}  {:>8}\n",
+                  options.points, options.repeats, "", width, "single", "double");
+  for (const Kernel& kernel : results.kernels) {
+    text += fmt::format("{:<{}}  {:>8}  {:>8}  {}", label(kernel), width, number_cell(kernel.single),
+                        number_cell(kernel.doubled), kernel.isa);
+    if (!kernel.elasticity.empty()) text += ", with " + kernel.elasticity;
+    text += '\n';
+  }
+  for (const Skipped& skipped : results.skipped) text += fmt::format("not measured: {}: {}\n", skipped.id, skipped.reason);
+  if (!results.skipped.empty()) text += "parameters can be given with --set ID.PARAMETER=VALUE\n";
+  return text;
+}
+
+std::string json_text(const KernelOptions& options, const KernelResults& results) {
+  toml::array kernels, skipped;
+  for (const Kernel& kernel : results.kernels) {
+    toml::table row{{"plugin", kernel.id}, {"condition", kernel.condition}, {"isa", kernel.isa}};
+    if (!kernel.elasticity.empty()) row.insert("elasticity", kernel.elasticity);
+    if (kernel.yielding) row.insert("yielding", *kernel.yielding);
+    row.insert("parameters", to_json(kernel.parameters));
+    if (kernel.single) row.insert("single", to_json(*kernel.single));
+    if (kernel.doubled) row.insert("double", to_json(*kernel.doubled));
+    kernels.push_back(std::move(row));
+  }
+  for (const Skipped& s : results.skipped) skipped.push_back(toml::table{{"plugin", s.id}, {"reason", s.reason}});
+  const toml::table table{{"points", std::int64_t(options.points)},
+                          {"repeats", options.repeats},
+                          {"kernels", std::move(kernels)},
+                          {"skipped", std::move(skipped)}};
+  std::ostringstream text;
+  text << toml::json_formatter(table) << '\n';
+  return text.str();
+}
+
+bool gnuplot_is_installed() {
+  const char* path = std::getenv("PATH");
+  std::istringstream folders(path ? path : "");
+  for (std::string folder; std::getline(folders, folder, ':');)
+    if (is_executable(std::filesystem::path(folder) / "gnuplot")) return true;
+  return false;
+}
+
+std::string chart_svg(const KernelResults& results) {
+  const TemporaryFile script(chart_script(results));
+  std::FILE* gnuplot = popen(("gnuplot '" + script.path() + "'").c_str(), "r");
+  if (!gnuplot) throw InputError("gnuplot cannot be started");
+  std::string svg;
+  char buffer[4096];
+  for (std::size_t n; (n = std::fread(buffer, 1, sizeof buffer, gnuplot)) > 0;) svg.append(buffer, n);
+  if (pclose(gnuplot) != 0 || svg.find("</svg>") == std::string::npos) throw InputError("gnuplot could not draw the chart");
+  return svg;
+}
+
+}  // namespace cleave::bench
