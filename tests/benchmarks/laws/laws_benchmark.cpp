@@ -2,6 +2,8 @@
 // the first is more than 3.4 times faster than the second with a singular value decomposition per point. Laws are called as a
 // simulation calls them, 256 points at a time; Eigen's JacobiSVD works on one point after the other, as published codes do.
 
+#include "return_mappings.hpp"
+
 #include "bench/law_batch.hpp"
 
 #include <benchmark/benchmark.h>
@@ -150,7 +152,8 @@ int main(int argc, char** argv) {
   }
   benchmark::RegisterBenchmark("fixed_corotated/jacobi_svd_of_eigen/single", jacobi_svd<float>);
   benchmark::RegisterBenchmark("fixed_corotated/jacobi_svd_of_eigen/double", jacobi_svd<double>);
+  benchmarks::register_return_mappings(registry());
   benchmark::Initialize(&argc, argv);
-  if (benchmark::ReportUnrecognizedArguments(argc, argv) || !same_stresses()) return 1;
+  if (benchmark::ReportUnrecognizedArguments(argc, argv) || !same_stresses() || !benchmarks::same_returns(registry())) return 1;
   benchmark::RunSpecifiedBenchmarks();
 }
