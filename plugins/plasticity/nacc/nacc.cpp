@@ -100,7 +100,7 @@ struct NonAssociatedCamClay {
     const T tension_tip = -cohesion * p0;
     const auto crushed = p > p0, torn = p < tension_tip, sheared = !(crushed || torn);
     const T kept_q = squared_slope / (1 + 2 * cohesion) * max((p - tension_tip) * (p0 - p), T(0));
-    const Symmetric3<T> shear_return = isochoric_return<T>(closure, trial, sqrt(kept_q / squared_q));
+    Symmetric3<T> strain = isochoric_return<T>(closure, trial, sqrt(kept_q / squared_q));
 
     const T center = 0.5 * (1 - cohesion) * p0, half_width = 0.5 * (1 + cohesion) * p0;
     const T along = (p - center) / half_width;
@@ -108,7 +108,8 @@ struct NonAssociatedCamClay {
     const T p_exit = center + (p - center) * rsqrt(along * along + across);
     const T J_reference = elastic.jacobian(T(kappa * select(sheared, p_exit, select(crushed, p0, tension_tip))));
 
-    return {.strain = select(sheared, shear_return, volumetric_strain(J_reference)),
+    if (any(outside && !sheared)) strain = select(sheared, strain, volumetric_strain(J_reference));
+    return {.strain = strain,
             .state = {hardening ? alpha + log(J / J_reference) : alpha},
             .yielded = outside,
             .unreliable = outside && hardened > T(largest_p0)};
