@@ -76,7 +76,8 @@ class MpmSimulation final : public Simulation {
   }
 
   void step(double target) override {
-    if (needs_sort_ || sorts_always_) sort();
+    needs_sort_ = needs_sort_ || sorts_always_;
+    if (needs_sort_) sort();
     const double dt = choose_step(target);
     time_step_ = dt;
     advance(dt);
