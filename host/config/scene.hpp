@@ -31,7 +31,7 @@ enum class Laplacian { weak, cubic };
 /// How the evolution of damage is integrated; what is integrated is the damage law's.
 struct DamageSolver {
   int passes = 1;           ///< of damage and motion per step
-  double tolerance = 1e-5;  ///< of the implicit solve, relative to its right-hand side
+  double tolerance = 1e-5;  ///< of the implicit solve: what is left out of balance, relative to driving forces and damage
   int maximum_iterations = 200;
   Laplacian laplacian = Laplacian::weak;  ///< of explicit integration
   bool active_set = true;                 ///< leave out blocks that damage cannot reach

@@ -164,11 +164,17 @@ void DamageEvolution<T, D>::evolve(const ParticleView& view, Particles<T, D>& pa
   if (local_ || active == 0) return;
   grid_size_ = grid.blocks();
   collected_.reserve(grid.nodes() * 4 * sizeof(T));
-  for (Buffer* b : {&initial_, &solution_, &residual_, &direction_, &product_}) b->reserve(grid.nodes() * sizeof(T));
-  if (explicit_)
-    integrate(view, particles, time_step);
-  else
+  for (Buffer* b : {&initial_, &change_, &residual_, &direction_, &product_}) b->reserve(grid.nodes() * sizeof(T));
+  if (!explicit_) {
     solve(view, particles, time_step);
+    return;
+  }
+  // The driving force is that of now, the step was chosen with the one before.
+  const double parts = std::max(1.0, std::ceil(time_step / stable_step() - 1e-9));
+  for (double part = 0; part < parts; part++) {
+    integrate(view, particles, time_step / parts);
+    for (std::size_t i = 0; i < active_.size(); i++) active_[i] = active_[i] || particles.blocks()[i].damaged;
+  }
 }
 
 template <class T, int D>
@@ -178,7 +184,7 @@ void DamageEvolution<T, D>::integrate(const ParticleView& view, Particles<T, D>&
   // A particle's damage is felt up to six cells away: particle to node, node to gradient, gradient to node, node to particle.
   const Flags reached = dilated(blocks, active_, 2), filling = dilated(blocks, reached, 1);
   const Flags nodes = grid_blocks_of(blocks, filling);
-  T *collected = numbers(collected_), *field = numbers(solution_), *laplacian = numbers(product_);
+  T *collected = numbers(collected_), *field = numbers(initial_), *laplacian = numbers(product_);
   clear(nodes, collected, 4);
   for_coloured(particles, filling, [&](std::size_t i, void* memory) {
     (cubic_ ? kernels_.collect_cubic : kernels_.collect)(view, blocks[i], damage, collected, memory);
@@ -213,14 +219,15 @@ template <class T, int D>
 void DamageEvolution<T, D>::solve(const ParticleView& view, Particles<T, D>& particles, double time_step) {
   auto& blocks = particles.blocks();
   const DamageView damage{inputs_, law_, local_, time_step, driving_force_.data(), volume_.data()};
-  T *collected = numbers(collected_), *initial = numbers(initial_), *x = numbers(solution_), *r = numbers(residual_),
+  T *collected = numbers(collected_), *initial = numbers(initial_), *x = numbers(change_), *r = numbers(residual_),
     *p = numbers(direction_), *Ap = numbers(product_);
   const T memory_of_damage = T(viscosity_ / time_step), length2 = T(length_ * length_);
   // Diagonal of K over M in a uniformly filled grid: 16 D c a^(D-1), a = int N^2 = 11/20, c = int N^2 x^2 = 43/560.
   const T diagonal_of_K = T(16 * D * (43. / 560) * (D == 3 ? 0.3025 : 0.55)) * length2;
   const auto mass = [&](std::size_t n) { return collected[4 * n]; };
   const auto lumped = [&](std::size_t n) { return (memory_of_damage + T(1)) * collected[4 * n] + collected[4 * n + 2]; };
-  const auto source = [&](std::size_t n) { return collected[4 * n + 2] + memory_of_damage * collected[4 * n + 1]; };
+  // M + T: what is left of the diagonal when damage rests
+  const auto resting = [&](std::size_t n) { return collected[4 * n] + collected[4 * n + 2]; };
   const auto preconditioned = [&](std::size_t n) {
     return mass(n) > T(0) ? r[n] / (lumped(n) + diagonal_of_K * mass(n)) : T(0);
   };
@@ -262,38 +269,42 @@ void DamageEvolution<T, D>::solve(const ParticleView& view, Particles<T, D>& par
     });
     return grid;
   };
-  const auto multiply = [&](const T* field) {
+  /// Ap = l^2 K field + diagonal field
+  const auto multiply = [&](const T* field, const auto& diagonal) {
     const Flags home = homes_touching(blocks, solver_.active_set ? support(field) : nodes);
     complete_for(home);
     clear(nodes, Ap);
     for_coloured(particles, home,
                  [&](std::size_t i, void* memory) { kernels_.stiffness(view, blocks[i], damage, field, Ap, memory); });
     for_nodes(nodes, [&](std::size_t first) {
-      for (std::size_t n = first; n < first + GridShape<D>::block_nodes; n++) Ap[n] = length2 * Ap[n] + lumped(n) * field[n];
+      for (std::size_t n = first; n < first + GridShape<D>::block_nodes; n++) Ap[n] = length2 * Ap[n] + diagonal(n) * field[n];
     });
   };
 
   fill(dilated(blocks, active_, 4));
   for_nodes(nodes, [&](std::size_t first) {
     for (std::size_t n = first; n < first + GridShape<D>::block_nodes; n++)
-      initial[n] = x[n] = mass(n) > T(0) ? collected[4 * n + 1] / mass(n) : T(0);
+      initial[n] = mass(n) > T(0) ? collected[4 * n + 1] / mass(n) : T(0);
   });
-  multiply(x);
+  // Solved for the change from S/M, whose right-hand side T - (M + T + l^2 K) S/M is what is out of balance. The memory
+  // eta/dt S is on both sides of the equation: next to it, what drives slow damage would drown in the tolerance.
+  multiply(initial, resting);
   for_nodes(nodes, [&](std::size_t first) {
     for (std::size_t n = first; n < first + GridShape<D>::block_nodes; n++) {
-      r[n] = source(n) - Ap[n];
+      r[n] = collected[4 * n + 2] - Ap[n];
       p[n] = preconditioned(n);
     }
   });
   const double scale = sum_nodes(nodes, [&](std::size_t n) {
-    const double b = double(source(n));
+    const double b = double(collected[4 * n + 1] + collected[4 * n + 2]);
     return mass(n) > T(0) ? b * b / double(lumped(n) + diagonal_of_K * mass(n)) : 0.0;
   });
   double rz = sum_nodes(nodes, [&](std::size_t n) { return double(r[n]) * double(p[n]); });
-  const double enough = solver_.tolerance * solver_.tolerance * scale;
+  const double tolerance = std::max(solver_.tolerance, 4.0 * double(std::numeric_limits<T>::epsilon()));
+  const double enough = tolerance * tolerance * scale;
   int iteration = 0;
   for (; iteration < solver_.maximum_iterations && rz > enough; iteration++) {
-    multiply(p);
+    multiply(p, lumped);
     const double pAp = sum_nodes(nodes, [&](std::size_t n) { return double(p[n]) * double(Ap[n]); });
     if (!(pAp > 0)) break;
     const T alpha = T(rz / pAp);
@@ -315,12 +326,11 @@ void DamageEvolution<T, D>::solve(const ParticleView& view, Particles<T, D>& par
   statistics_.most_iterations = std::max<std::int64_t>(statistics_.most_iterations, iteration);
   if (rz > enough) statistics_.unconverged++;
 
-  for_nodes(nodes, [&](std::size_t first) {
-    for (std::size_t n = first; n < first + GridShape<D>::block_nodes; n++) x[n] -= initial[n];
-  });
+  const double rate = time_step / viscosity_, negligible = negligible_damage * rate / (1 + rate);
   const Flags touched = homes_touching(blocks, solver_.active_set ? support(x) : nodes);
   reports_.assign(blocks.size(), {});
-  for_homes(touched, [&](std::size_t i, void* memory) { kernels_.advance(view, blocks[i], x, memory, reports_[i]); });
+  for_homes(touched,
+            [&](std::size_t i, void* memory) { kernels_.advance(view, blocks[i], x, negligible, memory, reports_[i]); });
   for (std::size_t i = 0; i < blocks.size(); i++)
     if (touched[i]) blocks[i].damaged = reports_[i].damaged;
 }

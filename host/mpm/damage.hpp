@@ -19,9 +19,10 @@ namespace cleave::mpm {
 ///   eta dd/dt = < (1 - d) D - (d - l^2 lap d) >        D, eta, l from the damage law
 ///
 /// Implicit: (M_i (eta/dt + 1) + T_i) d_i + l^2 sum_j K_ij d_j = T_i + eta/dt S_i with M = sum V w, S = sum V w d_p,
-/// T = sum V w D on the nodes of the transfers and K of the weak form (natural Neumann boundary), by conjugate gradients from
-/// d_i = S_i/M_i; then d_p <- clamp(max(d_p, d_p + sum w (d_i - S_i/M_i))). V is the current volume.
-/// Explicit: d_p <- min(1, d_p + dt/eta <(1 - d_p) D_p - (d_p - l^2 lap d_p)>).
+/// T = sum V w D on the nodes of the transfers and K of the weak form (natural Neumann boundary), by conjugate gradients for
+/// the change d_i - S_i/M_i; then d_p <- clamp(max(d_p, d_p + sum w (d_i - S_i/M_i))). V is the current volume.
+/// Explicit: d_p <- min(1, d_p + dt/eta <(1 - d_p) D_p - (d_p - l^2 lap d_p)>), in equal parts of the step where D has grown so
+/// much that the whole would be above the stable one.
 ///
 /// Only blocks that damage can reach in this step take part: those with D > 0 or d > 0 and what the kernels reach from there.
 /// Everywhere else all terms are exactly zero, so that the result has the same bits as that of the whole body.
@@ -84,7 +85,7 @@ class DamageEvolution {
   std::size_t grid_size_ = 0;
   Flags active_;                   ///< home blocks
   Buffer driving_force_, volume_;  ///< per slot
-  Buffer collected_, initial_, solution_, residual_, direction_, product_;
+  Buffer collected_, initial_, change_, residual_, direction_, product_;
   std::vector<double> partial_;
   std::vector<DamageReport> reports_;
   tbb::enumerable_thread_specific<Buffer> scratch_;

@@ -281,24 +281,25 @@ CLEAVE_INLINE void gather_tiles(const ParticleView& set, const BlockView& block,
   });
 }
 
-/// Stores d, kept from falling, inside [0,1], and at zero while it is negligible.
+/// Stores d, kept from falling, inside [0,1], and at zero where it would become `negligible` in this step.
 template <class T>
-CLEAVE_INLINE void store_damage(const ParticleView& set, std::uint64_t tile, Tile<T> before, Tile<T> after,
+CLEAVE_INLINE void store_damage(const ParticleView& set, std::uint64_t tile, Tile<T> before, Tile<T> after, T negligible,
                                 typename TileTypes<T>::Mask& damaged) {
   char* at = set.tiles + tile * set.stride;
   after = maximum<T>(before, after);
   after = after < T(1) ? after : Tile<T>{} + T(1);
-  after = (before > T(0)) | (after > T(negligible_damage)) ? after : Tile<T>{};
+  after = (before > T(0)) | (after > negligible) ? after : Tile<T>{};
   store<T>(at + set.damage, after);
   damaged |= (after > T(0)) & (load<T>(at + set.volume) > T(0));
 }
 
 template <class T, int D>
-void advance(const ParticleView& set, const BlockView& block, const T* change, void* scratch, DamageReport& report) {
+void advance(const ParticleView& set, const BlockView& block, const T* change, double negligible, void* scratch,
+             DamageReport& report) {
   typename TileTypes<T>::Mask damaged{};
   gather_tiles<T, D>(set, block, change, *static_cast<DamageScratch<T, D>*>(scratch), [&](std::uint64_t tile, Tile<T> value) {
     const Tile<T> d = load<T>(set.tiles + tile * set.stride + set.damage);
-    store_damage<T>(set, tile, d, d + value, damaged);
+    store_damage<T>(set, tile, d, d + value, T(negligible), damaged);
   });
   report.damaged = any(damaged);
 }
@@ -310,7 +311,7 @@ CLEAVE_INLINE void integrate_tile(const ParticleView& set, const DamageView& vie
   const Tile<T> d = load<T>(set.tiles + tile * set.stride + set.damage);
   const Tile<T> force = load<T>(static_cast<T*>(view.driving_force) + tile * tile_lanes<T>);
   const Tile<T> growth = (T(1) - d) * force - (d - length2 * laplacian);
-  store_damage<T>(set, tile, d, d + rate * growth, damaged);
+  store_damage<T>(set, tile, d, d + rate * growth, rate * T(negligible_damage), damaged);
 }
 
 template <class T, int D>

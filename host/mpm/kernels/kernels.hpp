@@ -39,7 +39,8 @@ inline constexpr int discarded_row = 6;
 inline constexpr int driving_force_row = 6;
 inline constexpr int degradation_row = 7;
 
-/// Damage, and driving forces of damage, that are taken as none: a thousandth of what single precision resolves of an energy.
+/// Driving forces of damage that are taken as none, and damage that is if it is all that would come of a lasting cause: a
+/// thousandth of what single precision resolves of an energy.
 inline constexpr double negligible_damage = 1e-6;
 
 /// A law bound to a material's storage. Stream 0 is the particle tiles, stream 1 the kernel's scratch (see stress_rows),
@@ -140,9 +141,10 @@ struct DamageKernels {
   void (*collect)(const ParticleView&, const BlockView&, const DamageView&, T* nodes, void* scratch) = nullptr;
   /// to += K from, K_ij = sum_p V_p grad_i(x_p) . grad_j(x_p) with the MLS gradient 4 w (x_i - x_p)
   void (*stiffness)(const ParticleView&, const BlockView&, const DamageView&, const T* from, T* to, void* scratch) = nullptr;
-  /// d <- clamp(max(d, d + sum w change))
-  void (*advance)(const ParticleView&, const BlockView&, const T* change, void* scratch, DamageReport&) = nullptr;
-  /// d <- min(1, d + rate <(1 - d) D - (d - length^2 lap d)>), lap d = sum w laplacian
+  /// d <- clamp(max(d, d + sum w change)), but 0 stays 0 up to `negligible`
+  void (*advance)(const ParticleView&, const BlockView&, const T* change, double negligible, void* scratch,
+                  DamageReport&) = nullptr;
+  /// d <- min(1, d + rate <(1 - d) D - (d - length^2 lap d)>), lap d = sum w laplacian; 0 stays 0 up to rate negligible_damage
   void (*integrate)(const ParticleView&, const BlockView&, const DamageView&, const T* laplacian, double rate, double length,
                     void* scratch, DamageReport&) = nullptr;
   /// The same two on cubic B-splines around the cell centres: nodes += V (1, d, 0, 0) w, and lap d = sum d_i lap w.
