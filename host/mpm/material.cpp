@@ -97,7 +97,8 @@ Material::Material(const config::Material& m, plugins::Registry& registry, int d
   degraded_stress_.add(CLEAVE_FIELD_TAU, rows(1, 0, 6));
   degraded_stress_.add(CLEAVE_FIELD_DEGRADATION, rows(1, degradation_row * row, 1));
   energy_.add(CLEAVE_FIELD_ENERGY, rows(1, 0, 1));
-  if (damage_) energy_.add(CLEAVE_FIELD_DEGRADATION, rows(1, row, 1));
+  if (damage_)
+    for (LawLayout* layout : {&energy_, &wave_modulus_}) layout->add(CLEAVE_FIELD_DEGRADATION, rows(1, row, 1));
   wave_modulus_.add(CLEAVE_FIELD_WAVE_MODULUS, rows(1, 0, 1));
   if (plasticity_) {
     add_inputs(return_mapping_, plasticity_);

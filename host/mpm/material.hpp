@@ -47,8 +47,7 @@ class Material {
   /// The damage law: driving force into row driving_force_row of the scratch, or damage in place.
   template <class T>
   BoundLaw driving_force() const;
-  /// Evaluations outside the step; scratch is stream 1, two rows per tile: the result, and g of the energy of materials with
-  /// damage.
+  /// Evaluations outside the step; scratch is stream 1, two rows per tile: the result, and g of materials with damage.
   enum class Measure { energy, wave_modulus };
   template <class T>
   BoundLaw measure(Measure) const;

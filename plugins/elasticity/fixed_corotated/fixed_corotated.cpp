@@ -50,10 +50,10 @@ struct FixedCorotated {
   /// Along F + eps m (F^T n)^T, |F|^2 grows with n . b n, det F is linear, and tr S, as the largest of linear functions of F,
   /// is convex: rho_0 c^2 <= 2 mu lambda_max(b) + lambda J^2, with equality at rest.
   template <class T>
-  T wave_modulus(const Matrix3<T>& F) const {
+  T wave_modulus(const Matrix3<T>& F, const T& g) const {
     const Symmetric3<T> b = left_cauchy_green(F);
     const T J = determinant(F), largest = trace(b) / 3 + 0.81649658092772603 * norm(deviator(b));
-    return 2 * moduli.shear * largest + max(moduli.lame, 0.0) * J * J;
+    return 2 * moduli.shear * g * largest + max(moduli.lame, 0.0) * volume_degradation(J, g) * J * J;
   }
 };
 

@@ -110,11 +110,12 @@ struct Qr {
     return P;
   }
 
-  /// sigma = (mu b + (lambda (J - 1) - mu) J I)/|J|, kept finite where J vanishes.
+  /// sigma = (mu b + (lambda (J - 1) - mu) J I)/J, kept finite where J vanishes.
   template <class T>
   Symmetric3<T> effective_cauchy(const Matrix3<T>& F, const Fibers<T>&) const {
     const T J = determinant(F);
-    return (moduli.shear * left_cauchy_green(F) + J * volume_slope(J, T(1)) * identity<T>()) / max(abs(J), T(1e-3));
+    return (moduli.shear * left_cauchy_green(F) + J * volume_slope(J, T(1)) * identity<T>()) /
+           copysign(max(abs(J), T(1e-3)), J);
   }
 
   /// Along F + eps m (F^T n)^T, J is linear and f_i grows by eps (n . f_i) m, so that with u_i = f_i/|f_i|
@@ -122,12 +123,12 @@ struct Qr {
   ///   rho_0 c^2 = n . mu b n + lambda J^2 (m . n)^2 + sum_i k_i (n . f_i)^2 (1 - (1 - (m . u_i)^2)/|f_i|)
   ///            <= lambda_max(mu b + sum_i k_i f_i f_i^T) + lambda J^2,    with equality at rest.
   template <class T>
-  T wave_modulus(const Matrix3<T>& F, const Fibers<T>& a) const {
+  T wave_modulus(const Matrix3<T>& F, const T& g, const Fibers<T>& a) const {
     const T J = determinant(F);
-    Symmetric3<T> stiffness = left_cauchy_green(F);
+    Symmetric3<T> stiffness = g * left_cauchy_green(F);
     if (fiber_stiffness > 0) stiffness += T(fiber_scale) * outer(F * a.first);
     if (cross_stiffness > 0) stiffness += T(cross_fiber_scale) * outer(F * a.second);
-    return moduli.shear * largest_eigenvalue_bound(stiffness) + volume * J * J;
+    return moduli.shear * largest_eigenvalue_bound(stiffness) + volume * volume_degradation(J, g) * J * J;
   }
 
   /// The response used for yielding: it agrees with tau at small strain, where kappa = lambda - mu/3. Beyond, the deviatoric

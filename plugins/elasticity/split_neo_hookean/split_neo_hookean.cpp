@@ -42,9 +42,9 @@ struct SplitNeoHookean {
   /// convex in beta and growing with gamma, so that the ends of what beta and gamma can be bound it:
   /// |beta - tr b/3| <= sqrt(2/3) |dev b| and gamma <= |dev b|/sqrt 2. Exact for a pure change of volume.
   template <class T>
-  T wave_modulus(const Symmetric3<T>& b) const {
-    const T J2 = determinant(b), shear = moduli.shear * rcbrt(J2), mean = trace(b) / 3, shape = norm(deviator(b));
-    const T c = 5. / 3 * shear * mean + 0.5 * moduli.bulk * (J2 + 1);
+  T wave_modulus(const Symmetric3<T>& b, const T& g) const {
+    const T J2 = determinant(b), shear = g * moduli.shear * rcbrt(J2), mean = trace(b) / 3, shape = norm(deviator(b));
+    const T c = 5. / 3 * shear * mean + 0.5 * moduli.bulk * volume_degradation<T>(sqrt(J2), g) * (J2 + 1);
     const auto along = [&](const T& beta) {
       const T C = c - 4. / 3 * shear * beta, coupling = 0.94280904158206336 * shear * shape;
       return shear * beta + 0.5 * (C + sqrt(C * C + coupling * coupling));

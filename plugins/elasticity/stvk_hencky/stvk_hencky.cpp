@@ -46,12 +46,13 @@ struct StvkHencky {
   /// phi_ij and (phi_ij + phi_ji)/2 are largest for the largest b_j and the smallest b_i: their sum there bounds the last sum.
   /// The middle term is at most 2 mu times the largest |dev e|. Exact for waves of compression at rest.
   template <class T>
-  T wave_modulus(const Symmetric3<T>& b) const {
+  T wave_modulus(const Symmetric3<T>& b, const T& g) const {
     const Vector3<T> values = symmetric_eigen(b).values;
     const T e0 = 0.5 * log(values[0]), e1 = 0.5 * log(values[1]), e2 = 0.5 * log(values[2]);
     const T log_J = e0 + e1 + e2, shape = max(e0 - log_J / 3, log_J / 3 - e2);
     const T x = (values[0] - values[2]) / values[2], sum = (2 + 1.5 * x) * select(x == T(0), T(1), log1p(x) / x);
-    return moduli.shear * (sum + 2 * shape) + max(moduli.lame - moduli.bulk * log_J, T(0));
+    const T volume = moduli.bulk * volume_degradation<T>(exp(log_J), g) * (1 - log_J);
+    return g * moduli.shear * (sum + 2 * shape) + max(volume - 2. / 3 * moduli.shear * g, T(0));
   }
 
   /// The deviator 2 mu dev e of this law and mu J^(-2/3) dev b, which mappings on b take for it, are equal to first order.

@@ -251,7 +251,7 @@ enum cleave_field_id {
   CLEAVE_FIELD_TENSILE_ENERGY = 7,   /* 1 out  psi_plus, not degraded                                                [J/m^3] */
   CLEAVE_FIELD_EFFECTIVE_STRESS = 8, /* 6 out Cauchy stress of the isotropic part, not degraded                    [Pa] */
   CLEAVE_FIELD_WAVE_MODULUS = 9,     /* 1 out  upper bound of rho_0 c^2, c the fastest wave through the current
-                                               configuration, not degraded                                          [Pa] */
+                                               configuration, degraded by g as far as the law can tell             [Pa] */
   CLEAVE_FIELD_DELTA_F = 10,         /* 9 in   direction dF                                                          [1] */
   CLEAVE_FIELD_DELTA_P = 11,         /* 9 out  first Piola-Kirchhoff stress: directional derivative along dF         [Pa] */
   CLEAVE_FIELD_B_OUT = 12,           /* 6 out  b after the return                                                    [1] */

@@ -7,7 +7,7 @@
 ///   EnergySplit<T> energy(strain) const               psi_plus, psi_minus, psi_fiber [J/m^3]
 ///   Symmetric3<T> kirchhoff(strain, const T& g) const tau, degraded by g [Pa]
 ///   Matrix3<T> piola(F, const T& g) const             P, degraded by g [Pa]; laws of F only
-///   T wave_modulus(strain) const                      upper bound of rho_0 c^2 through the current configuration [Pa]
+///   T wave_modulus(strain, const T& g) const          upper bound of rho_0 c^2 through the current configuration [Pa]
 ///   Symmetric3<T> effective_cauchy(strain) const      undegraded Cauchy stress of the isotropic part [Pa]
 ///   IsochoricResponse isochoric_response() const      what return mappings rely on
 ///   mask_of<T> valid(strain) const                    false where the law is undefined: the point becomes FATAL
@@ -36,6 +36,13 @@
 
 namespace cleave {
 
+/// Part of the volume stiffness that counts for waves: g in tension, all of it in compression and up to J = 1.1, from where
+/// material can be compressed again before its waves are measured anew.
+template <class T>
+T volume_degradation(const T& J, const T& g) {
+  return select(J >= 1.1, g, T(1));
+}
+
 /// psi = g tension + compression + fiber.
 template <class T>
 struct EnergySplit {
@@ -60,7 +67,7 @@ struct Elastic {
   static constexpr bool has_energy = CLEAVE_HAS_FORMULA(energy(e), energy(e, a));
   static constexpr bool has_kirchhoff = CLEAVE_HAS_FORMULA(kirchhoff(e, g), kirchhoff(e, g, a));
   static constexpr bool has_piola = !is_law_of_b<Law> && CLEAVE_HAS_FORMULA(piola(e, g), piola(e, g, a));
-  static constexpr bool has_wave_modulus = CLEAVE_HAS_FORMULA(wave_modulus(e), wave_modulus(e, a));
+  static constexpr bool has_wave_modulus = CLEAVE_HAS_FORMULA(wave_modulus(e, g), wave_modulus(e, g, a));
   static constexpr bool has_effective_cauchy = CLEAVE_HAS_FORMULA(effective_cauchy(e), effective_cauchy(e, a));
   static constexpr bool has_valid = CLEAVE_HAS_FORMULA(valid(e), valid(e, a));
 #undef CLEAVE_HAS_FORMULA
@@ -135,7 +142,7 @@ struct Elastic {
     }
   }
 
-  /// J. Laws that go through inversion get a Cauchy stress that stays finite and keeps its direction: |J|, at least 1e-3.
+  /// J. Laws that go through inversion get a Cauchy stress that stays finite: |J| at least 1e-3, with the sign of J.
   template <class T>
   static CLEAVE_INLINE T jacobian(const Strain<T>& e) {
     const T J = [&] {
@@ -145,7 +152,7 @@ struct Elastic {
         return determinant(e);
     }();
     if constexpr (is_inversion_safe<Law>)
-      return max(abs(J), T(1e-3));
+      return copysign(max(abs(J), T(1e-3)), J);
     else
       return J;
   }
@@ -181,12 +188,12 @@ struct Elastic {
   }
 
   template <class T>
-  static T wave_modulus(const Law& law, const Strain<T>& e, const Fibers<T>& a) {
+  static T wave_modulus(const Law& law, const Strain<T>& e, const T& g, const Fibers<T>& a) {
     if constexpr (has_wave_modulus && fiber_count < Law >> 0)
-      return law.wave_modulus(e, a);
+      return law.wave_modulus(e, g, a);
     else if constexpr (has_wave_modulus)
-      return law.wave_modulus(e);
-    else
+      return law.wave_modulus(e, g);
+    else  // what damage leaves is never stiffer
       return acoustic_bound(spatial_tangent(law, e, a));
   }
 
@@ -344,8 +351,8 @@ struct ElasticBatch {
                 [this](const Point& p, const T&) { return Formulas::template effective_cauchy<T>(law, p.strain, p.fibers); });
   }
   [[gnu::noinline]] void wave_modulus(const cleave_component* output) const {
-    pass<false>(output,
-                [this](const Point& p, const T&) { return Formulas::template wave_modulus<T>(law, p.strain, p.fibers); });
+    pass<true>(output,
+               [this](const Point& p, const T& g) { return Formulas::template wave_modulus<T>(law, p.strain, g, p.fibers); });
   }
   [[gnu::noinline]] void delta_piola(const cleave_component* dF, const cleave_component* output) const {
     batch.for_each_chunk([&](const Chunk<S>& chunk) {

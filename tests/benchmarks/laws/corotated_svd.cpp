@@ -20,9 +20,9 @@ struct CorotatedSvd {
            select(J >= 1, g * expansion, expansion) * identity<T>();
   }
   template <class T>
-  T wave_modulus(const Matrix3<T>& F) const {
+  T wave_modulus(const Matrix3<T>& F, const T& g) const {
     const T J = determinant(F);
-    return 2 * moduli.shear * squared_norm(F) + max(moduli.lame, 0.0) * J * J;
+    return 2 * moduli.shear * g * squared_norm(F) + max(moduli.lame, 0.0) * J * J;
   }
 
  private:

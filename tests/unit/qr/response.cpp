@@ -47,7 +47,8 @@ TEST(QrResponse, EffectiveStressIsThatOfTheUndamagedMatrix) {
   const Field sigma = evaluate_all(qr(50, 20), CLEAVE_FIELD_EFFECTIVE_STRESS, 6, all, 0.1, frame(2)),
               tau = evaluate_all(qr(), CLEAVE_FIELD_TAU, 6, all);
   for (std::size_t k = 0; k < all.size(); ++k) {
-    const Tensor expected = tensor(tau[k]) / std::max(std::abs(all[k].determinant()), 1e-3);
+    const double J = all[k].determinant();
+    const Tensor expected = tensor(tau[k]) / std::copysign(std::max(std::abs(J), 1e-3), J);
     EXPECT_LT((tensor(sigma[k]) - expected).cwiseAbs().maxCoeff(), 1e-12 * (expected.cwiseAbs().maxCoeff() + mu)) << k;
   }
 }
