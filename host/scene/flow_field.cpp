@@ -13,6 +13,7 @@
 #include <array>
 #include <cmath>
 #include <cstdint>
+#include <map>
 
 namespace cleave::scene {
 namespace {
@@ -271,8 +272,11 @@ std::vector<int> connected_parts(const Cells& cells, int& count) {
   return part;
 }
 
-/// Every part of the body has to reach both regions, or there is no flow in it.
-void check_connected(const Cells& cells, const std::vector<Role>& roles) {
+/// Part of the cells that may lie apart, as single particles do at thin edges and tips, without a body being in pieces.
+constexpr double stray_part = 0.01;
+
+/// Cells of parts that do not reach both regions, in which nothing flows. Throws where that is more than a few strays.
+std::vector<bool> stray_cells(const Cells& cells, const std::vector<Role>& roles) {
   int count = 0;
   const auto part = connected_parts(cells, count);
   std::vector<std::array<int, 3>> of_role(std::size_t(count), {0, 0, 0});
@@ -291,12 +295,18 @@ void check_connected(const Cells& cells, const std::vector<Role>& roles) {
         "the body does not connect 'inflow' ({} cells) and 'outflow' ({} cells) of the fibers: its {} cells are in {} parts, "
         "none of which reaches both",
         in, out, cells.size(), count));
-  if (apart > 0)
+  if (apart > stray_part * cells.size())
     throw InputError(
         fmt::format("{} of the {} cells of the body are not connected to the part between 'inflow' and 'outflow' of the "
                     "fibers: the body is "
                     "in {} parts, {} of which reach both; make each part a body of its own",
                     apart, cells.size(), count, through));
+  std::vector<bool> stray(part.size());
+  for (std::size_t c = 0; c < part.size(); ++c) {
+    const auto& [free, inflow, outflow] = of_role[std::size_t(part[c])];
+    stray[c] = inflow == 0 || outflow == 0;
+  }
+  return stray;
 }
 
 /// phi in every cell. One equation for each free cell: the fluxes through the filled parts of its faces cancel (Ng, Min and
@@ -440,13 +450,46 @@ Vector3 interpolate(const Cells& cells, const std::vector<Vector3>& directions, 
   return sum.norm() > 1e-6 ? Vector3(sum.normalized()) : directions[std::size_t(home)];
 }
 
+/// Directions of the positions that are connected, and of the nearest of them for those in stray cells.
+template <class Directions>
+std::vector<Vector3> around_strays(const Cells& cells, const std::vector<bool>& stray, const std::vector<Vector3>& positions,
+                                   const Directions& directions) {
+  std::vector<Vector3> connected;
+  std::vector<std::size_t> index;
+  for (std::size_t i = 0; i < positions.size(); ++i)
+    if (!stray[std::size_t(cells.find(cells.containing(positions[i])))]) {
+      connected.push_back(positions[i]);
+      index.push_back(i);
+    }
+  const auto found = directions(connected);
+  std::vector<Vector3> field(positions.size(), Vector3::Zero());
+  for (std::size_t k = 0; k < index.size(); ++k) field[index[k]] = found[k];
+  std::map<int, Vector3> of_cell;
+  for (std::size_t i = 0; i < positions.size(); ++i) {
+    if (!field[i].isZero(0)) continue;
+    const auto [entry, first] = of_cell.try_emplace(cells.find(cells.containing(positions[i])));
+    if (first) {
+      std::size_t nearest = 0;
+      for (std::size_t k = 1; k < connected.size(); ++k)
+        if ((connected[k] - positions[i]).squaredNorm() < (connected[nearest] - positions[i]).squaredNorm()) nearest = k;
+      entry->second = found[nearest];
+    }
+    field[i] = entry->second;
+  }
+  return field;
+}
+
 }  // namespace
 
 std::vector<Vector3> flow_directions(const SignedDistance& inflow, const SignedDistance& outflow,
                                      const std::vector<Vector3>& positions, double cell_size, int dimension) {
   const Cells cells(positions, cell_size, dimension);
   const Regions regions{inflow, outflow, assign_roles(cells, inflow, outflow)};
-  check_connected(cells, regions.roles);
+  const auto stray = stray_cells(cells, regions.roles);
+  if (std::find(stray.begin(), stray.end(), true) != stray.end())
+    return around_strays(cells, stray, positions, [&](const std::vector<Vector3>& connected) {
+      return flow_directions(inflow, outflow, connected, cell_size, dimension);
+    });
   auto directions = cell_directions(cells, regions, measure_filling(cells, positions, cell_size));
   carry_on(cells, directions);
   std::vector<Vector3> field(positions.size());

@@ -49,7 +49,11 @@ TEST(QrResponse, EffectiveStressIsThatOfTheUndamagedMatrix) {
   for (std::size_t k = 0; k < all.size(); ++k) {
     const double J = all[k].determinant();
     const Tensor expected = tensor(tau[k]) / std::copysign(std::max(std::abs(J), 1e-3), J);
-    EXPECT_LT((tensor(sigma[k]) - expected).cwiseAbs().maxCoeff(), 1e-12 * (expected.cwiseAbs().maxCoeff() + mu)) << k;
+    // The sign of a determinant that is zero to rounding is nobody's.
+    const Tensor found = std::abs(J) < 1e-14 && (tensor(sigma[k]).array() * expected.array()).sum() < 0
+                             ? Tensor(-tensor(sigma[k]))
+                             : tensor(sigma[k]);
+    EXPECT_LT((found - expected).cwiseAbs().maxCoeff(), 1e-12 * (expected.cwiseAbs().maxCoeff() + mu)) << k;
   }
 }
 

@@ -144,6 +144,13 @@ TEST(FlowFibers, DependOnlyOnThePosition) {
   EXPECT_EQ(flow(x, in, out, 0.05, 2), field);
 }
 
+TEST(FlowFibers, GiveStrayParticlesTheDirectionOfTheNearest) {
+  auto x = fill(box({0, 0, -1}, {2, 0.6, 1}), 0.1, 2);
+  x.emplace_back(1.05, 0.85, 0);  // two cells off the bar
+  const auto field = flow(x, box({-far, -far, -far}, {0.1, far, far}), box({1.9, -far, -far}, {far, far, far}), 0.1, 2);
+  for (const Vector3& direction : field) EXPECT_NEAR(direction.x(), 1, 1e-3);
+}
+
 TEST(FlowFibers, RefuseWhatDoesNotFlow) {
   const auto two =
       fill(joined(ShapeSpec::Type::set_union, {box({0, 0, -1}, {1, 0.2, 1}), box({2, 0, -1}, {3, 0.2, 1})}), 0.1, 2);
