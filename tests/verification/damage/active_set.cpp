@@ -89,5 +89,33 @@ INSTANTIATE_TEST_SUITE_P(All, ActiveSet,
                                   std::to_string(c.dimension) + "D" + (c.precision == single ? "Single" : "Double");
                          });
 
+/// A bar at rest that breaks at once in one cell: how far damage comes in a single step is up to the solver, be it by many
+/// iterations over a length of many cells, or by an explicit step in parts.
+TEST(ActiveSet, GrowsWithDamageInsideAStep) {
+  for (bool explicitly : {false, true}) {
+    const double dx = 0.1;
+    const Solid solid;
+    const PhaseField law{.l0 = (explicitly ? 1.5 : 4) * dx, .eta = 1e-3, .explicitly = explicitly};
+    auto points = lattice(3, dx, 2, Vector3(-4, -0.2, -0.2), Vector3(4, 0.2, 0.2));
+    for (auto& p : points)
+      if (std::abs(p.x.x() - 4.75 * dx) < 0.3 * dx) p.F = stretched_to(solid, law.energy(1e3));  // at the edge of a block
+    std::vector<std::vector<mpm::ParticleState>> results;
+    for (bool active_set : {false, true}) {
+      DamageScene s(3, dx, points, solid, law);
+      s.scene.simulation.damage.active_set = active_set;
+      s.hold(-10, 10);
+      const auto simulation = s.start();
+      simulation->step(100);
+      results.push_back(simulation->state());
+    }
+    double farthest = 0;
+    for (std::size_t i = 0; i < points.size(); i++) {
+      ASSERT_EQ(results[1][i].damage, results[0][i].damage) << (explicitly ? "explicit" : "implicit") << " at " << points[i].x;
+      if (results[0][i].damage > 0) farthest = std::max(farthest, std::abs(points[i].x.x() - 4.75 * dx) / dx);
+    }
+    EXPECT_GT(farthest, explicitly ? 8.75 : 20) << "cells: beyond the blocks that are next but one";
+  }
+}
+
 }  // namespace
 }  // namespace cleave::test
