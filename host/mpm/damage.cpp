@@ -10,7 +10,7 @@
 namespace cleave::mpm {
 
 namespace {
-constexpr double saturating_driving_force = 99;
+constexpr double saturating_driving_force = saturated_damage / (1 - saturated_damage);
 }
 
 template <class T, int D>

@@ -39,7 +39,8 @@ class DamageEvolution {
 
   /// Largest step an explicit evolution takes without overshooting, s; infinite otherwise. With lambda the largest eigenvalue
   /// of -dx^2 lap (4 for the weak form, 4 per axis for cubic splines): eta/(1 + D + l^2 lambda/dx^2). A point driven harder
-  /// than D = 99 ends between d = 0.99 and 1 whatever the step, so that D counts up to there.
+  /// than D = 99 ends between d = 0.99 and 1 whatever the step: D counts up to there, and not at all of points that have passed
+  /// it.
   double stable_step() const { return step_bound(largest_driving_force_); }
   double step_bound(double driving_force) const;
 

@@ -158,7 +158,7 @@ void drive(const ParticleView& set, const BlockView& block, const DamageView& vi
       store<T>(static_cast<T*>(view.driving_force) + tile * lanes, force);
       store<T>(static_cast<T*>(view.volume) + tile * lanes, rest * jacobian<T, D>(set, at));
       active |= force > T(0);
-      largest = maximum<T>(largest, d < T(1) ? force : Tile<T>{});
+      largest = maximum<T>(largest, d < T(saturated_damage) ? force : Tile<T>{});
     }
   });
   for (int l = 0; l < lanes; l++) damage.largest_driving_force = std::max(damage.largest_driving_force, double(largest[l]));

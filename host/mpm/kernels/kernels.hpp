@@ -42,6 +42,8 @@ inline constexpr int degradation_row = 7;
 /// Driving forces of damage that are taken as none, and damage that is if it is all that would come of a lasting cause: a
 /// thousandth of what single precision resolves of an energy.
 inline constexpr double negligible_damage = 1e-6;
+/// Points with so much damage do not bound explicit steps: whatever the step, they end between here and 1.
+inline constexpr double saturated_damage = 0.99;
 
 /// A law bound to a material's storage. Stream 0 is the particle tiles, stream 1 the kernel's scratch (see stress_rows),
 /// stream 2 one tile of constants: a row of zeros, then a row of ones.
@@ -127,7 +129,7 @@ struct DamageView {
 };
 
 struct DamageReport {
-  double largest_driving_force = 0;  ///< where d < 1
+  double largest_driving_force = 0;  ///< where d < saturated_damage
   bool active = false;               ///< some particle has D > 0 or d > 0
   bool damaged = false;              ///< some particle has d > 0
 };
