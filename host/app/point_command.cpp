@@ -80,7 +80,7 @@ std::string joined(const std::vector<std::string>& words) {
 /// Where the quantities of a point stand in a table.
 struct InputColumns {
   std::vector<std::size_t> deformation;
-  std::optional<std::size_t> damage;
+  std::optional<std::size_t> damage, time;  ///< d; dt, where a damage law evolves in time
   std::vector<std::optional<std::size_t>> variables;
 
   InputColumns(const point::CsvTable& table, const point::Laws& laws) {
@@ -97,7 +97,14 @@ struct InputColumns {
                                    table.file(), table.header().line, missing.size() == 1 ? "" : "s", joined(missing),
                                    missing.size() == 1 ? "is" : "are", joined(table.names())));
     damage = table.column("d");
+    if (laws.damage && !laws.damage_is_local) time = table.column("dt");
     for (const auto& name : point::variable_columns(laws)) variables.push_back(table.column(name));
+  }
+
+  double seconds(const point::CsvTable& table, const point::CsvTable::Row& row) const {
+    const double dt = table.number(row, *time);
+    if (!(dt >= 0)) throw InputError(table.error_at(row, *time, fmt::format("dt must be a time of at least 0 s, is {}", dt)));
+    return dt;
   }
 
   point::State read(const point::CsvTable& table, const point::CsvTable::Row& row, const std::vector<double>& initial) const {
@@ -144,7 +151,7 @@ int evaluate_points(const PointOptions& options, const point::Laws& laws) {
   const auto table = point::CsvTable::read(*options.input);
   const InputColumns columns(table, laws);
   const auto initial = point::initial_variables(laws);
-  const point::ResponseColumns results(laws);
+  const point::ResponseColumns results(laws, columns.time.has_value());
   const auto evaluator = point::make_evaluator(laws);
 
   std::string text = header_of(table, results.names());
@@ -161,6 +168,8 @@ int evaluate_points(const PointOptions& options, const point::Laws& laws) {
     evaluator->evaluate(states, std::span(responses).first(states.size()));
     for (std::size_t k = 0; k < states.size(); ++k) {
       const auto& row = rows[first + k];
+      if (columns.time)
+        responses[k].damage = laws.damage_after(columns.seconds(table, row), states[k].damage, responses[k].driving_force);
       for (std::size_t i = 0; i < row.cells.size(); ++i) text.append(i == 0 ? "" : ",").append(row.cells[i]);
       results.append(text, responses[k]);
       text += '\n';

@@ -25,6 +25,7 @@ std::vector<std::string> matrix_columns(const std::string& letter) {
 std::vector<std::string> variable_columns(const Laws& laws) {
   std::vector<std::string> taken = matrix_columns("F");
   taken.push_back("d");
+  taken.push_back("dt");
   for (const auto* law : {&laws.plasticity, &laws.damage})
     if (*law)
       for (const auto& state : law->description().states) taken.push_back(state.name);
@@ -42,12 +43,12 @@ std::vector<std::string> variable_columns(const Laws& laws) {
   return columns;
 }
 
-ResponseColumns::ResponseColumns(const Laws& laws)
+ResponseColumns::ResponseColumns(const Laws& laws, bool marches)
     : names_{"psi", "psi_plus", "J"},
       single_(laws.precision == config::Precision::single_precision),
       has_energy_(laws.elasticity.description().can(CLEAVE_HAS_ENERGY)),
       has_driving_force_(laws.damage && !laws.damage_is_local),
-      has_local_damage_(laws.damage && laws.damage_is_local) {
+      has_new_damage_(laws.damage && (laws.damage_is_local || marches)) {
   add(names_, matrix_columns("P"));
   add(names_, matrix_columns("tau"));
   names_.push_back("yielded");
@@ -55,7 +56,7 @@ ResponseColumns::ResponseColumns(const Laws& laws)
   const auto variables = variable_columns(laws);
   variables_ = variables.size();
   for (const std::string& variable : variables) names_.push_back(variable + "_out");
-  if (has_local_damage_) names_.push_back("d_out");
+  if (has_new_damage_) names_.push_back("d_out");
   names_.push_back("D");
   names_.push_back("status");
 }
@@ -93,7 +94,7 @@ void ResponseColumns::append(std::string& line, const Response& r) const {
   number(r.yielded ? 1 : 0);
   matrix(r.deformation);
   for (std::size_t i = 0; i < variables_; ++i) number(usable ? r.variables[i] : nan);
-  if (has_local_damage_) number(r.damage);
+  if (has_new_damage_) number(r.damage);
   append_optional(line, has_driving_force_, usable, r.driving_force);
   line += ',';
   line += name(r.status);

@@ -19,7 +19,8 @@ std::vector<std::string> variable_columns(const Laws&);
 /// "nan" in every cell that would be a number.
 class ResponseColumns {
  public:
-  explicit ResponseColumns(const Laws&);
+  /// `marches`: the damage after a time is a result too.
+  explicit ResponseColumns(const Laws&, bool marches = false);
 
   const std::vector<std::string>& names() const { return names_; }
   /// ",cell,cell,...": a leading comma before each.
@@ -31,7 +32,7 @@ class ResponseColumns {
   void append_optional(std::string& line, bool offered, bool usable, double value) const;
 
   std::vector<std::string> names_;
-  bool single_, has_energy_, has_driving_force_, has_local_damage_;
+  bool single_, has_energy_, has_driving_force_, has_new_damage_;
   std::size_t variables_;
 };
 

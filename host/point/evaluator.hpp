@@ -28,7 +28,7 @@ struct Response {
   Matrix3 deformation = Matrix3::Identity();  ///< F_e, the returned elastic deformation gradient
   std::vector<double> variables;              ///< as in State, at the end
   double driving_force = 0;                   ///< D, of a damage law that is not local
-  double damage = 0;                          ///< d, of one that is
+  double damage = 0;                          ///< d, of one that is; of others whoever lets time pass fills it in
 
   bool usable() const { return status < CLEAVE_STATUS_RETRY; }
 };

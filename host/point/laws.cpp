@@ -143,6 +143,11 @@ config::Material read_material(const LawChoice& choice, config::Precision precis
 
 }  // namespace
 
+double Laws::damage_after(double seconds, double damage, double driving_force) const {
+  const double rest = driving_force / (1 + driving_force);
+  return damage >= rest ? damage : rest + (damage - rest) * std::exp(-(1 + driving_force) * seconds / viscosity);
+}
+
 Laws make_laws(const LawChoice& choice, plugins::Registry& registry, std::vector<std::string>& warnings) {
   if (choice.elasticity.empty()) refuse("--elasticity", "is needed: the name of an elasticity law");
   if (!(choice.cell_size >= 0) || !std::isfinite(choice.cell_size)) refuse("--cell-size", "must be a length in metres");
@@ -170,6 +175,7 @@ Laws make_laws(const LawChoice& choice, plugins::Registry& registry, std::vector
     model.struct_size = sizeof model;
     laws.damage.damage().model(laws.damage.handle(), &model);
     laws.residual = model.residual;
+    laws.viscosity = model.viscosity;
   }
   laws.fibers = material.fibers;
   return laws;

@@ -24,11 +24,14 @@ struct Laws {
   plugins::Instance elasticity, plasticity, damage;  ///< the latter two may be empty
   std::optional<config::Fibers> fibers;              ///< if given or needed; the second completes an orthonormal frame
   config::Precision precision = config::Precision::double_precision;
-  double residual = 0;  ///< r of g(d) = (1-r)(1-d)^2 + r
+  double residual = 0;   ///< r of g(d) = (1-r)(1-d)^2 + r
+  double viscosity = 0;  ///< eta of the evolution of damage [s]
   bool damage_is_local = false;
   double stiffness = 0;  ///< kappa + 4/3 mu of the elastic law at rest: what a stress is small against [Pa]
 
   double degradation(double d) const { return (1 - residual) * (1 - d) * (1 - d) + residual; }
+  /// Damage of a uniform state after `seconds` of eta dd/dt = <(1 - d) D - d> at a constant driving force.
+  double damage_after(double seconds, double damage, double driving_force) const;
 };
 
 /// Throws InputError that names the option at fault. What is worth a warning is appended to `warnings`.

@@ -139,5 +139,24 @@ TEST_F(DamagedBar, TheHistoryComesFromItsColumnAndDrives) {
   EXPECT_NEAR(table.number(1, "D") / table.number(0, "D"), 77 / table.number(0, "psi_plus"), 1e-12);
 }
 
+TEST_F(DamagedBar, DamageGrowsAtItsRateUnderAConstantDrivingForce) {
+  // eta dd/dt = (1 - d) D - d from rest: d = D/(1 + D) (1 - exp(-(1 + D) t/eta)).
+  const double eta = 0.25;
+  const auto options = with(neo_hookean(), "anisotropic", {"critical_stress=5", "viscosity=0.25", "structural_alpha=[]"});
+  const std::string F = "1.01,0,0,0,1,0,0,0,1";
+  const Table table = evaluate(options, header + ",dt,d\n" + F + ",0,0\n" + F + ",0.01,0\n" + F + ",0.1,0\n" + F + ",1e9,0\n" +
+                                            F + ",0.01,0.3\n" + F + ",1,1\n")
+                          .table();
+  const double D = table.number(0, "D");
+  ASSERT_GT(D, 1);
+  EXPECT_EQ(table.number(0, "d_out"), 0);
+  for (std::size_t i : {1, 2})
+    EXPECT_NEAR(table.number(i, "d_out"), D / (1 + D) * (1 - std::exp(-(1 + D) * table.number(i, "dt") / eta)), 1e-14);
+  EXPECT_NEAR(table.number(3, "d_out"), D / (1 + D), 1e-15);
+  EXPECT_NEAR(table.number(4, "d_out"), D / (1 + D) + (0.3 - D / (1 + D)) * std::exp(-(1 + D) * 0.01 / eta), 1e-14);
+  EXPECT_EQ(table.number(5, "d_out"), 1) << "damage does not heal";
+  EXPECT_THAT(evaluate(options, header + ",dt\n" + F + ",-1\n").err, HasSubstr("dt must be a time of at least 0 s, is -1"));
+}
+
 }  // namespace
 }  // namespace cleave::testing
