@@ -40,7 +40,8 @@ std::vector<typename Colliders<T, D>::Contact> Colliders<T, D>::find_contacts(co
       if (collider.shape->distance(to_scene((first + last) / 2)) > half_diagonal * 1.0001) continue;
       for (int n = 0; n < nodes; n++) {
         const Vector3 x = to_scene(grid.node_coordinates(b * nodes + n).template cast<double>() * cell_size_);
-        if (collider.shape->distance(x) >= 0) continue;
+        // A node on the surface is the collider's: else a wall along a node plane would begin one cell inside.
+        if (collider.shape->distance(x) > 0) continue;
         Vector3 normal = collider.shape->normal(x);
         if (moves) normal = pose.rotation * normal;
         if constexpr (D == 2) {

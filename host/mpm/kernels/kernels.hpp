@@ -42,6 +42,9 @@ inline constexpr int degradation_row = 7;
 /// Driving forces of damage that are taken as none, and damage that is if it is all that would come of a lasting cause: a
 /// thousandth of what single precision resolves of an energy.
 inline constexpr double negligible_damage = 1e-6;
+/// tr b = |F|^2 up to which broken points are stretched: ten times their length.
+inline constexpr double largest_broken_stretch = 100;
+
 /// Points with so much damage do not bound explicit steps: whatever the step, they end between here and 1.
 inline constexpr double saturated_damage = 0.99;
 

@@ -257,6 +257,46 @@ CLEAVE_INLINE void update_F(char* strain, const Tile<T> (&A)[D][D]) {
 }
 
 template <class T, int D>
+CLEAVE_INLINE Tile<T> determinant(const Tile<T> (&A)[D][D]) {
+  if constexpr (D == 3)
+    return A[0][0] * (A[1][1] * A[2][2] - A[1][2] * A[2][1]) - A[0][1] * (A[1][0] * A[2][2] - A[1][2] * A[2][0]) +
+           A[0][2] * (A[1][0] * A[2][1] - A[1][1] * A[2][0]);
+  else
+    return A[0][0] * A[1][1] - A[0][1] * A[1][0];
+}
+
+template <class T, int D>
+CLEAVE_INLINE void update_strain(const ParticleView& set, char* tile, const Tile<T> (&A)[D][D]) {
+  if (set.stores_b)
+    update_b<T, D>(tile + set.strain, A);
+  else
+    update_F<T, D>(tile + set.strain, A);
+}
+
+/// The same, but points with d >= saturated_damage are not stretched beyond tr b = largest_broken_stretch, nor turned inside
+/// out: nothing holds them, and det b of six rounded numbers would soon be lost.
+template <class T, int D>
+__attribute__((noinline)) void update_broken(const ParticleView& set, char* tile, const Tile<T> (&A)[D][D]) {
+  constexpr int most = D == 3 ? 9 : 5;
+  const int components = D == 3 ? (set.stores_b ? 6 : 9) : (set.stores_b ? 4 : 5);
+  Tile<T> before[most];
+  const auto row = [&](int c) { return tile + set.strain + c * CLEAVE_TILE_BYTES; };
+  for (int c = 0; c < components; c++) before[c] = load<T>(row(c));
+  update_strain<T, D>(set, tile, A);
+  const auto stretch = [&](auto&& component) {
+    Tile<T> sum{};
+    for (int c = 0; c < (set.stores_b ? 3 : components); c++) sum += set.stores_b ? component(c) : component(c) * component(c);
+    return sum;
+  };
+  const Tile<T> now = stretch([&](int c) { return load<T>(row(c)); }), then = stretch([&](int c) { return before[c]; });
+  auto kept = (now > T(largest_broken_stretch)) & (now > then);
+  if (set.detect_inversion) kept |= ~(determinant<T, D>(A) > T(0));
+  kept &= load<T>(tile + set.damage) >= T(saturated_damage);
+  if (!any(kept)) return;
+  for (int c = 0; c < components; c++) store<T>(row(c), kept ? before[c] : load<T>(row(c)));
+}
+
+template <class T, int D>
 void grid_to_particle(const ParticleView& set, const BlockView& block, const StepView& step, void* scratch,
                       BlockReport& report) {
   auto& s = *static_cast<Scratch<T, D>*>(scratch);
@@ -316,18 +356,14 @@ void grid_to_particle(const ParticleView& set, const BlockView& block, const Ste
           for (int i = 0; i < D; i++)
             for (int a = 0; a < D; a++) A[i][a] = dt * A[i][a] + T(i == a ? 1 : 0);
           if (set.detect_inversion) {
-            Tile<T> det;
-            if constexpr (D == 3)
-              det = A[0][0] * (A[1][1] * A[2][2] - A[1][2] * A[2][1]) - A[0][1] * (A[1][0] * A[2][2] - A[1][2] * A[2][0]) +
-                    A[0][2] * (A[1][0] * A[2][1] - A[1][1] * A[2][0]);
-            else
-              det = A[0][0] * A[1][1] - A[0][1] * A[1][0];
-            inverted |= ~(det > T(0));
+            auto turned = ~(determinant<T, D>(A) > T(0));
+            if (block.damaged) turned &= load<T>(tile + set.damage) < T(saturated_damage);
+            inverted |= turned;
           }
-          if (set.stores_b)
-            update_b<T, D>(tile + set.strain, A);
+          if (block.damaged)
+            update_broken<T, D>(set, tile, A);
           else
-            update_F<T, D>(tile + set.strain, A);
+            update_strain<T, D>(set, tile, A);
           const auto trouble = broken | inverted;
           if (__builtin_expect(any(trouble), 0) && report.slot == ~0ull)
             for (int l = 0; l < lanes; l++)
