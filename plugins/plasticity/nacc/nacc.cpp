@@ -100,11 +100,11 @@ struct NonAssociatedCamClay {
     const T tension_tip = -cohesion * p0;
     const auto crushed = p > p0, torn = p < tension_tip, sheared = !(crushed || torn);
     const T kept_q = squared_slope / (1 + 2 * cohesion) * max((p - tension_tip) * (p0 - p), T(0));
-    Symmetric3<T> strain = isochoric_return<T>(closure, trial, sqrt(kept_q / squared_q));
+    Symmetric3<T> strain = isochoric_return<T>(closure, trial, sqrt(kept_q) * rsqrt(squared_q));
 
     const T center = 0.5 * (1 - cohesion) * p0, half_width = 0.5 * (1 + cohesion) * p0;
-    const T along = (p - center) / half_width;
-    const T across = squared_q * (1 + 2 * cohesion) / (squared_slope * half_width * half_width);
+    const T scale = 1 / half_width, along = (p - center) * scale;
+    const T across = squared_q * ((1 + 2 * cohesion) / squared_slope) * (scale * scale);
     const T p_exit = center + (p - center) * rsqrt(along * along + across);
     const T J_reference = elastic.jacobian(T(kappa * select(sheared, p_exit, select(crushed, p0, tension_tip))));
 

@@ -72,7 +72,7 @@ CLEAVE_INLINE T isochoric_mean(const T& squared_norm, const T& determinant) {
   constexpr int steps = std::is_same_v<scalar_of<T>, float> ? 2 : 3;
   const T m = sqrt(T(1.0 / 6.0) * squared_norm), c = 3 * m;
   const T K = 1 + (2 * m * m * m - determinant);
-  T y = sqrt(K / (c + 1));
+  T y = K * rsqrt(K * (c + 1));
   for (int i = 0; i < steps; ++i) {
     const T f = y * y * (y + c) - K, df = y * (3 * y + 2 * c), half_ddf = 3 * y + c;
     y = y - f * df / (df * df - f * half_ddf);
