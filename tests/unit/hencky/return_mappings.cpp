@@ -122,8 +122,9 @@ TEST_P(EveryMapping, StrainsWithoutLogarithmAreFatalAndNeighboursAreNot) {
 
 /// det b > 0 though two eigenvalues are negative.
 TEST_P(EveryMapping, NegativeSquaresOfStretchesAreFatalInLogarithmicStrain) {
-  if (GetParam().law == PressureLaw::logarithmic)  // others are returned on the invariants of b
+  if (GetParam().law == PressureLaw::logarithmic) {  // others are returned on the invariants of b
     EXPECT_EQ(map({diagonal_tensor(1, -1, -2)}, CLEAVE_FIELD_B)[0].status, CLEAVE_STATUS_FATAL);
+  }
 }
 
 std::string name_of(const ::testing::TestParamInfo<Case>& info) {
