@@ -218,5 +218,32 @@ TEST(Damage, IsNotDrivenByCompression) {
   for (const auto& p : simulation->state()) ASSERT_EQ(p.damage, 0);
 }
 
+TEST(BrokenMatter, IsNotDrawnOutWithoutEnd) {
+  for (const bool single : {true, false}) {
+    const PhaseField law{.G = 0.01, .l0 = 0.05, .eta = 1e-3, .residual = 0};
+    DamageScene s(2, 0.1, lattice(2, 0.1, 2, Vector3(-0.4, -0.2, 0), Vector3(0.4, 0.2, 0)), {}, law);
+    if (single) {
+      s.scene.simulation.precision = config::Precision::single_precision;
+      s.scene.simulation.damage.tolerance = 1e-5;
+    }
+    s.hold(-0.45, -0.2, Vector3(-1, 0.3, 0));
+    s.hold(0.2, 0.45, Vector3(1, 0, 0));
+    const auto simulation = s.start();
+    double drawn = 0;
+    while (simulation->time() < 1) {
+      const auto before = simulation->state();
+      simulation->step(1);
+      const auto after = simulation->state();
+      for (std::size_t i = 0; i < after.size(); i++) {
+        if (before[i].damage < 0.99) continue;
+        const double trace = after[i].strain.trace();
+        drawn = std::max(drawn, trace);
+        ASSERT_LE(trace, std::max(100.0, before[i].strain.trace()) * (1 + 1e-6)) << "particle " << i;
+      }
+    }
+    EXPECT_GT(drawn, 50) << "the scene draws matter out";
+  }
+}
+
 }  // namespace
 }  // namespace cleave::test

@@ -18,7 +18,6 @@ std::vector<double> incline(double friction, double angle, config::Contact conta
   plane.contact = contact;
   plane.friction = friction;
   plane.shape.type = scene::ShapeSpec::Type::half_space;
-  plane.shape.center = Vector3(0, 1e-9, 0);
   plane.shape.axis = Vector3(0, 1, 0);
   s.scene.colliders.push_back(plane);
   s.scene.simulation.gravity = g * Vector3(std::sin(angle), -std::cos(angle), 0);
@@ -52,6 +51,27 @@ TEST(InclinedPlane, BelowTheFrictionAngleTheBlockStops) {
   const double free_speed = 10 * std::sin(M_PI / 6) * 2;
   EXPECT_LT(std::abs(incline(0.8, M_PI / 6, config::Contact::separate, {2.0})[0]), 0.02 * free_speed);
   EXPECT_LT(std::abs(incline(0, M_PI / 6, config::Contact::sticky, {2.0})[0]), 0.02 * free_speed);
+}
+
+TEST(Floor, HoldsWhatLiesOnItWhereverTheGridIs) {
+  const double dx = 0.05;
+  for (double height : {0.0, 0.25 * dx, 0.5 * dx}) {
+    auto points = lattice(2, dx, 2, Vector3(0, height, 0), Vector3(0.4, height + 0.4, 0));
+    PointScene s(2, dx, points, "elasticity/split-neo-hookean", {{"youngs_modulus", 1e6}, {"poissons_ratio", 0.3}}, 1000);
+    config::Collider floor;
+    floor.name = "floor";
+    floor.shape.type = scene::ShapeSpec::Type::half_space;
+    floor.shape.center = Vector3(0, height, 0);
+    floor.shape.axis = Vector3(0, 1, 0);
+    s.scene.colliders.push_back(floor);
+    s.scene.simulation.gravity = Vector3(0, -10, 0);
+    const auto simulation = s.start();
+    while (simulation->time() < 0.5) simulation->step(0.5);
+    double lowest = 1;
+    for (const auto& p : simulation->state()) lowest = std::min(lowest, p.position.y());
+    // Nodes at or under the surface stop, so that matter sinks to the last of them at most.
+    EXPECT_GT(lowest, height - std::fmod(height, dx) - 0.1 * dx) << height;
+  }
 }
 
 TEST(MovingCollider, PushesWithItsOwnSpeed) {
