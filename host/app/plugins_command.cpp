@@ -116,6 +116,9 @@ toml::table to_json(const Parameter& parameter) {
     table.insert("min_count", std::int64_t(parameter.min_count));
     table.insert("max_count", std::int64_t(parameter.max_count));
   }
+  if (parameter.needs != decltype(parameter.needs){})
+    table.insert("capabilities_if_not_zero", toml::array{array_of(plugins::capability_names(parameter.needs[0])),
+                                                         array_of(plugins::capability_names(parameter.needs[1]))});
   return table;
 }
 
@@ -234,6 +237,10 @@ std::string parameter_text(const Parameter& parameter) {
   const bool narrower = parameter.physical_minimum != parameter.minimum || parameter.physical_maximum != parameter.maximum;
   if (narrower) text += fmt::format("{}usually {}", valid != "finite" ? "; " : "      ", usual);
   if (valid != "finite" || narrower) text += '\n';
+  const bool list = parameter.type == CLEAVE_TYPE_NUMBER_LIST;
+  for (std::size_t i = 0; i < parameter.needs.size(); ++i)
+    if (const auto needs = plugins::capability_names(parameter.needs[i]); !needs.empty())
+      text += fmt::format("      where {} is not 0: {}\n", list ? fmt::format("element {}", i) : "it", joined(needs, ", "));
   return text;
 }
 

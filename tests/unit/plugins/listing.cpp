@@ -31,6 +31,16 @@ TEST(PluginsCommand, ExplainsSearchPathFilesAndReasons) {
                     HasSubstr("refused: speaks plugin ABI 2.0")));
 }
 
+TEST(PluginsCommand, SaysWhatAParameterBringsWithIt) {
+  PluginsOptions options;
+  options.id = "elasticity/qr";
+  EXPECT_THAT(describe_plugins(plugins::test::built_plugins(), options),
+              AllOf(Not(HasSubstr("capabilities: accepts F, needs a fiber")), HasSubstr("where it is not 0: needs a fiber\n"),
+                    HasSubstr("where it is not 0: needs a fiber, needs a second fiber\n")));
+  options.json = true;
+  EXPECT_THAT(describe_plugins(plugins::test::built_plugins(), options), HasSubstr("capabilities_if_not_zero"));
+}
+
 TEST(PluginsCommand, DescribesOnePluginCompletely) {
   PluginsOptions options;
   options.id = "plasticity/radial-return";
