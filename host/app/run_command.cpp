@@ -2,6 +2,7 @@
 
 #include "common/error.hpp"
 #include "config/scene.hpp"
+#include "mpm/law_watch.hpp"
 #include "mpm/simulation.hpp"
 #include "output/frame.hpp"
 #include "output/progress.hpp"
@@ -122,6 +123,7 @@ int run_command(const RunOptions& options, plugins::Registry& registry) {
   output::Progress progress(end_time, simulation->particles(),
                             options.quiet ? output::Progress::Mode::quiet : output::Progress::mode_for(2));
   InterruptGuard guard;
+  const mpm::CrashDump crash_dump(out / "failed_batch.json");
   double stepping = 0, writing = 0;
   int frames_written = 0;
   const auto write_frame = [&](int index) {
@@ -174,8 +176,13 @@ int run_command(const RunOptions& options, plugins::Registry& registry) {
     fmt::print(stderr, "error: the simulation failed: {}\n", e.what());
     writer.text("failed_state.csv", particle_csv(simulation->frame(frames_written)));
     writer.text("failure.txt", std::string(e.what()) + "\n");
+    const bool law_failed = !simulation->failed_batch().empty();
+    if (law_failed) writer.text("failed_batch.json", simulation->failed_batch());
     write_summary("failed");
     fmt::print(stderr, "the state that failed is in {}; frames before it are complete\n", (out / "failed_state.csv").string());
+    if (law_failed)
+      fmt::print(stderr, "call the law again with its last points: cleave point --replay {}\n",
+                 (out / "failed_batch.json").string());
     return 3;
   }
   write_summary(status);

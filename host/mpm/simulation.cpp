@@ -6,6 +6,7 @@
 #include "mpm/damage.hpp"
 #include "mpm/grid.hpp"
 #include "mpm/handles.hpp"
+#include "mpm/law_watch.hpp"
 #include "mpm/material.hpp"
 #include "mpm/particles.hpp"
 #include "mpm/time_step.hpp"
@@ -48,7 +49,7 @@ class MpmSimulation final : public Simulation {
   MpmSimulation(const config::Scene& scene, plugins::Registry& registry)
       : scene_(scene),
         kernels_(pick(load_kernels())),
-        damage_kernels_(pick(load_kernels().damage)),
+        damage_kernels_(watching(pick(load_kernels().damage))),
         cell_size_(scene.simulation.cell_size),
         colliders_(scene.colliders, scene.simulation.cell_size),
         handles_(scene.handles, scene.simulation.cell_size),
@@ -57,6 +58,7 @@ class MpmSimulation final : public Simulation {
       const bool toughness = std::any_of(scene.bodies.begin(), scene.bodies.end(),
                                          [&](const config::Body& body) { return body.material == m.name && body.toughness; });
       materials_.push_back(std::make_unique<Material>(m, registry, D, cell_size_, toughness));
+      watches_.push_back(watch(watches_.size()));
     }
     if (scene.materials.empty() || scene.bodies.empty()) throw InputError("the scene has no body to simulate");
     reference_density_ = 0;
@@ -92,6 +94,7 @@ class MpmSimulation final : public Simulation {
   std::int64_t steps() const override { return steps_; }
   std::int64_t particles() const override { return particle_count_; }
   const char* isa() const override { return load_kernels().isa; }
+  const std::string& failed_batch() const override { return failed_batch_; }
 
   output::ParticleFrame frame(int index) const override;
   std::vector<ParticleState> state() const override;
@@ -195,12 +198,37 @@ class MpmSimulation final : public Simulation {
   }
   void check(const std::vector<BlockReport>&, std::size_t set, const char* stage);
   [[noreturn]] void fail(std::size_t set, const BlockReport&, const char* stage);
+  /// The batch of this point as a file, empty if no law failed there.
+  std::string failed_batch(const FailedBatches::Kept*, const Set&) const;
 
-  ParticleView view(std::size_t set) const {
+  /// The calls of a material's laws, watched.
+  struct Watches {
+    LawWatch stress, degraded_stress, return_mapping, damage_inputs, driving_force;
+  };
+  std::unique_ptr<Watches> watch(std::size_t material);
+
+  /// Particles whose damage law is called through its watch.
+  struct WatchedParticles : ParticleView {
+    BoundLaw damage_inputs, driving_force;
+  };
+  static DamageKernels<T, D> watching(DamageKernels<T, D> kernels) {
+    kernels.drive = [](const ParticleView& particles, const BlockView& block, const DamageView& damage, void* memory,
+                       BlockReport& report, DamageReport& damage_report) {
+      const auto& watched = static_cast<const WatchedParticles&>(particles);
+      DamageView view = damage;
+      view.inputs = watched.damage_inputs;
+      view.law = watched.driving_force;
+      pick(load_kernels().damage).drive(particles, block, view, memory, report, damage_report);
+    };
+    return kernels;
+  }
+
+  WatchedParticles view(std::size_t set) const {
     const Set& s = *sets_[set];
     const TileLayout& l = s.layout();
     const Material& m = *materials_[set_material_[set]];
-    ParticleView v;
+    const Watches& laws = *watches_[set_material_[set]];
+    WatchedParticles v;
     v.tiles = s.data();
     v.stride = l.stride;
     v.position = l.position;
@@ -211,13 +239,15 @@ class MpmSimulation final : public Simulation {
     v.stores_b = l.stores_b;
     v.detect_inversion = m.detects_inversion();
     v.relative_density = m.density() / reference_density_;
-    v.elasticity = m.stress<T>();
+    v.elasticity = laws.stress.watched();
     if (m.damage()) {
-      v.degraded_elasticity = m.degraded_stress<T>();
+      v.degraded_elasticity = laws.degraded_stress.watched();
+      v.damage_inputs = laws.damage_inputs.watched();
+      v.driving_force = laws.driving_force.watched();
       v.damage = l.damage;
       v.residual = m.damage_model().residual;
     }
-    v.plasticity = m.return_mapping<T>();
+    v.plasticity = laws.return_mapping.watched();
     v.constants = constants_.data();
     return v;
   }
@@ -239,10 +269,13 @@ class MpmSimulation final : public Simulation {
 
   config::Scene scene_;
   const TransferKernels<T, D>& kernels_;
-  const DamageKernels<T, D>& damage_kernels_;
+  const DamageKernels<T, D> damage_kernels_;
   double cell_size_;
   double reference_density_ = 1;
   std::vector<std::unique_ptr<Material>> materials_;
+  FailedBatches failed_batches_;
+  std::vector<std::unique_ptr<Watches>> watches_;  // of each material
+  std::string failed_batch_;
   std::vector<std::unique_ptr<Set>> sets_;
   std::vector<std::size_t> set_material_;
   std::vector<std::unique_ptr<DamageEvolution<T, D>>> damage_;  // of each set, null without a damage law
@@ -588,6 +621,54 @@ void MpmSimulation<T, D>::grid_to_particles(const StepView& step) {
 // ------------------------------------------------------------------------------------------------- failure
 
 template <class T, int D>
+auto MpmSimulation<T, D>::watch(std::size_t material) -> std::unique_ptr<Watches> {
+  const Material& m = *materials_[material];
+  const config::Material& given = scene_.materials[material];
+  BatchOrigin origin{.material = m.name(),
+                     .failed = {},
+                     .single = std::is_same_v<T, float>,
+                     .dimension = D,
+                     .cell_size = cell_size_,
+                     .density = m.density(),
+                     .laws = {},
+                     .wanted = {}};
+  const auto list = [&](const plugins::Instance& law, const config::PluginUse& use) {
+    origin.laws.push_back({law.description().id, law.description().version, use.parameters});
+  };
+  list(m.elasticity(), given.elasticity);
+  if (m.plasticity()) list(m.plasticity(), *given.plasticity);
+  if (m.damage()) list(m.damage(), *given.damage);
+  const auto header = [&](const plugins::Instance& law, const BoundLaw& call) {
+    if (!law) return std::string();
+    origin.failed = law.description().id;
+    origin.wanted = LawWatch::outputs_of(call);
+    return batch_header(origin);
+  };
+  const auto watched = [&](const plugins::Instance& law, const BoundLaw& call) {
+    return LawWatch(call, origin.single, header(law, call), failed_batches_);
+  };
+  return std::unique_ptr<Watches>(
+      new Watches{watched(m.elasticity(), m.stress<T>()), watched(m.elasticity(), m.degraded_stress<T>()),
+                  watched(m.plasticity(), m.return_mapping<T>()), watched(m.elasticity(), m.damage_inputs<T>()),
+                  watched(m.damage(), m.driving_force<T>())});
+}
+
+template <class T, int D>
+std::string MpmSimulation<T, D>::failed_batch(const FailedBatches::Kept* kept, const Set& s) const {
+  if (!kept) return {};
+  std::vector<std::int64_t> ids;
+  const std::uint64_t first = std::uint64_t(kept->first - s.data()) / s.layout().stride * lanes;
+  for (std::uint64_t k = 0; k < kept->batch.count; k++) ids.push_back(s.id(first + k));
+  std::string text;
+  const Put append = [](void* sink, const char* part, std::size_t size) {
+    static_cast<std::string*>(sink)->append(part, size);
+  };
+  const char* reason = kept->batch.result != CLEAVE_OK ? "error" : kept->batch.not_finite ? "not finite" : "status";
+  write_batch(append, &text, kept->law->header().c_str(), reason, kept->batch, kept->law->single(), ids.data());
+  return text;
+}
+
+template <class T, int D>
 void MpmSimulation<T, D>::check(const std::vector<BlockReport>& reports, std::size_t set, const char* stage) {
   for (const auto& r : reports) {
     if (r.status >= CLEAVE_STATUS_RETRY || r.result != CLEAVE_OK || r.not_finite || r.inverted) fail(set, r, stage);
@@ -605,6 +686,9 @@ void MpmSimulation<T, D>::fail(std::size_t set, const BlockReport& r, const char
   const Material& m = *materials_[set_material_[set]];
   const Set& s = *sets_[set];
   const auto& law = failed_law(m, r).description();
+  const char* tile = r.slot == ~0ull ? nullptr : s.data() + r.slot / lanes * s.layout().stride;
+  const auto* kept = failed_batches_.find(tile);
+  failed_batch_ = failed_batch(kept, s);
   std::string what;
   if (r.not_finite)
     what = "velocity is not finite";
@@ -612,6 +696,8 @@ void MpmSimulation<T, D>::fail(std::size_t set, const BlockReport& r, const char
     what = fmt::format("the material turned inside out within one step, where {} is not defined", law.id);
   else if (r.result != CLEAVE_OK)
     what = fmt::format("plugin {} {} failed with error {}", law.id, law.version, r.result);
+  else if (kept && kept->batch.not_finite)
+    what = fmt::format("plugin {} {} gives numbers that are not finite", law.id, law.version);
   else
     what = fmt::format("plugin {} {} has no valid result{}", law.id, law.version,
                        r.status == CLEAVE_STATUS_RETRY ? " for this step size; try a smaller simulation.time_step" : "");

@@ -55,6 +55,8 @@ class Simulation {
   virtual std::vector<std::pair<std::string, double>> bytes_per_particle() const = 0;
   virtual std::vector<output::PluginRecord> plugins() const = 0;
   virtual const char* isa() const = 0;
+  /// After a step that failed: the points of the law that failed, as the JSON of write_batch; empty if none did.
+  virtual const std::string& failed_batch() const = 0;
 };
 
 }  // namespace cleave::mpm
