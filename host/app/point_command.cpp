@@ -6,7 +6,9 @@
 #include "point/columns.hpp"
 #include "point/csv_table.hpp"
 #include "point/evaluator.hpp"
+#include "point/json_stream.hpp"
 #include "point/load_path.hpp"
+#include "point/replay.hpp"
 
 #include <fmt/format.h>
 #include <CLI/CLI.hpp>
@@ -16,6 +18,7 @@
 #include <cmath>
 #include <cstdio>
 #include <fstream>
+#include <iostream>
 #include <limits>
 #include <set>
 
@@ -233,10 +236,20 @@ int follow_path(const PointOptions& options, const point::LoadPath& path, const 
   return 3;
 }
 
+int replay_batch(const PointOptions& options, plugins::Registry& registry) {
+  if (!options.laws.elasticity.empty() || options.laws.plasticity || options.laws.damage || !options.laws.sets.empty())
+    refuse("--replay", "brings its own laws; leave out --elasticity, --plasticity, --damage and --set");
+  const point::Replay replay = point::replay(*options.replay, registry);
+  write(options.output, replay.table);
+  for (const auto& warning : replay.warnings) warn(warning);
+  warn(replay.summary);
+  return replay.fails ? 3 : 0;
+}
+
 }  // namespace
 
 void add_point_options(CLI::App& cli, PointOptions& options) {
-  cli.add_option("--elasticity", options.laws.elasticity, "Elasticity law, for example split-neo-hookean")->required();
+  cli.add_option("--elasticity", options.laws.elasticity, "Elasticity law, for example split-neo-hookean");
   cli.add_option("--plasticity", options.laws.plasticity, "Return mapping that is applied first");
   cli.add_option("--damage", options.laws.damage, "Damage law; its residual enters the degradation by d");
   cli.add_option("--set", options.laws.sets, "Parameter of a law: elasticity.youngs_modulus=1000 (repeatable)");
@@ -249,20 +262,34 @@ void add_point_options(CLI::App& cli, PointOptions& options) {
   cli.add_option("--amplitude", options.amplitude, "Strain at the end of the path: stretch - 1 along axis 0, or gamma");
   cli.add_option("--steps", options.steps, "Increments of the path (default: 100)");
   cli.add_option("--confinement", options.confinement, "Pressure in Pa around a triaxial path");
+  cli.add_flag("--json", options.json, "Answer points in JSON, a line each, from the standard input to the standard output");
+  cli.add_option("--replay", options.replay, "Call a law again with the points it failed on: failed_batch.json of a run");
   cli.add_option("--output", options.output, "CSV to write (default: standard output)");
 }
 
 int point_command(const PointOptions& options, plugins::Registry& registry) {
-  if (options.input && options.path) refuse("--path", "cannot be given together with --input");
-  if (!options.input && !options.path) throw InputError("error: give either --input FILE.csv or --path NAME");
-  if (options.input && (options.amplitude || options.steps || options.confinement))
+  std::vector<const char*> tasks;
+  if (options.input) tasks.push_back("--input");
+  if (options.path) tasks.push_back("--path");
+  if (options.json) tasks.push_back("--json");
+  if (options.replay) tasks.push_back("--replay");
+  if (tasks.empty()) throw InputError("error: give --input FILE.csv, --path NAME, --json or --replay FILE");
+  if (tasks.size() > 1) refuse(tasks[1], std::string("cannot be given together with ") + tasks[0]);
+  if (!options.path && (options.amplitude || options.steps || options.confinement))
     refuse(options.amplitude ? "--amplitude" : options.steps ? "--steps" : "--confinement", "belongs to --path");
+  if (options.json && options.output != "-")
+    refuse("--output", "does not go with --json, which answers on the standard output");
+  if (options.replay) return replay_batch(options, registry);
   std::optional<point::LoadPath> path;
   if (options.path) path = read_path(options);
 
   std::vector<std::string> warnings;
   const point::Laws laws = point::make_laws(options.laws, registry, warnings);
   for (const auto& warning : warnings) warn(warning);
+  if (options.json) {
+    point::serve_json(laws, std::cin, std::cout);
+    return 0;
+  }
   return path ? follow_path(options, *path, laws) : evaluate_points(options, laws);
 }
 

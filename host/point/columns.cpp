@@ -67,10 +67,7 @@ void ResponseColumns::append(std::string& line, double value) const {
     line += "nan";
     return;
   }
-  char text[40];
-  const auto end = single_ ? std::to_chars(text, text + sizeof text, float(value), std::chars_format::general, 9).ptr
-                           : std::to_chars(text, text + sizeof text, value, std::chars_format::general, 17).ptr;
-  line.append(text, end);
+  append_number(line, value, single_ ? config::Precision::single_precision : config::Precision::double_precision);
 }
 
 void ResponseColumns::append_optional(std::string& line, bool offered, bool usable, double value) const {
@@ -98,6 +95,14 @@ void ResponseColumns::append(std::string& line, const Response& r) const {
   append_optional(line, has_driving_force_, usable, r.driving_force);
   line += ',';
   line += name(r.status);
+}
+
+void append_number(std::string& text, double value, config::Precision precision) {
+  char digits[40];
+  const auto end = precision == config::Precision::single_precision
+                       ? std::to_chars(digits, digits + sizeof digits, float(value), std::chars_format::general, 9).ptr
+                       : std::to_chars(digits, digits + sizeof digits, value, std::chars_format::general, 17).ptr;
+  text.append(digits, end);
 }
 
 const char* name(cleave_status status) {

@@ -36,6 +36,9 @@ class ResponseColumns {
   std::size_t variables_;
 };
 
+/// A finite number, with digits that read back as the same number of this precision.
+void append_number(std::string& text, double value, config::Precision);
+
 const char* name(cleave_status);  ///< "ok", "unreliable", "retry", "fatal"
 
 }  // namespace cleave::point

@@ -188,7 +188,7 @@ TEST_F(BadInput, PathOptions) {
          "--confinement: error: must be a pressure of at least 0 Pa, is -5");
   expect(on("triaxial", [](auto& o) { o.input = "F.csv"; }), "--path: error: cannot be given together with --input");
   expect(with([](auto& o) { o.steps = 5; }), "--steps: error: belongs to --path");
-  expect(run(neo_hookean()), "error: give either --input FILE.csv or --path NAME");
+  expect(run(neo_hookean()), "error: give --input FILE.csv, --path NAME, --json or --replay FILE");
 }
 
 }  // namespace
