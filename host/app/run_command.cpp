@@ -177,6 +177,8 @@ int run_command(const RunOptions& options, plugins::Registry& registry) {
     writer.text("failed_state.csv", particle_csv(simulation->frame(frames_written)));
     writer.text("failure.txt", std::string(e.what()) + "\n");
     const bool law_failed = !simulation->failed_batch().empty();
+    std::error_code ignored;
+    std::filesystem::remove(out / "failed_batch.json", ignored);  // of an earlier run
     if (law_failed) writer.text("failed_batch.json", simulation->failed_batch());
     write_summary("failed");
     fmt::print(stderr, "the state that failed is in {}; frames before it are complete\n", (out / "failed_state.csv").string());

@@ -108,6 +108,8 @@ TEST_F(FailedBatch, IsTheSameWithAnyNumberOfThreads) {
   scene(3, "single", flow);
   ASSERT_EQ(run("--threads 1").status, 3);
   const std::string one = contents(directory / "run/failed_batch.json");
+  ASSERT_NE(one, "");
+  fs::remove_all(directory / "run");
   ASSERT_EQ(run("--threads 4").status, 3);
   EXPECT_EQ(contents(directory / "run/failed_batch.json"), one);
 }
@@ -185,6 +187,19 @@ TEST_F(FailedBatch, SaysWhatHasChangedSinceTheRun) {
   const Outcome mended = changed("\"limit\": 0.006", "\"limit\": 5.0");
   EXPECT_EQ(mended.status, 0) << "with another parameter it does not fail";
   EXPECT_NE(mended.err.find("points fails; status or results differ from those of the run"), std::string::npos) << mended.err;
+}
+
+TEST_F(FailedBatch, DoesNotOutliveTheRunItIsOf) {
+  scene(2, "double", flow);
+  ASSERT_EQ(run().status, 3);
+  ASSERT_TRUE(fs::exists(directory / "run/failed_batch.json"));
+  // a step so large that the block turns inside out, which no law fails at
+  scene(2, "double", neo_hookean);
+  const Outcome failed = run("--set simulation.time_step=0.04");
+  ASSERT_EQ(failed.status, 3) << failed.err;
+  EXPECT_EQ(failed.err.find("--replay"), std::string::npos) << failed.err;
+  EXPECT_TRUE(fs::exists(directory / "run/failed_state.csv"));
+  EXPECT_FALSE(fs::exists(directory / "run/failed_batch.json"));
 }
 
 TEST_F(FailedBatch, ThatCannotBeReadIsRefused) {
