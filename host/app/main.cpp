@@ -1,4 +1,5 @@
 #include "app/bench_command.hpp"
+#include "app/check_command.hpp"
 #include "app/plugins_command.hpp"
 #include "app/point_command.hpp"
 #include "app/run_command.hpp"
@@ -75,6 +76,11 @@ int main(int argc, char** argv) {
     auto r = registry();
     status = app::bench_command(bench, r);
   });
+
+  app::CheckOptions check;
+  auto* check_cli = cli.add_subcommand("check", "Prove plugins: run the conformance checks");
+  app::add_check_options(*check_cli, check);
+  check_cli->callback([&] { status = app::check_command(check); });
 
   try {
     cli.parse(argc, argv);
