@@ -3,11 +3,13 @@
 #include "mpm/kernels/kernels.hpp"
 #include "plugins/schema.hpp"
 
+#include <bit>
 #include <cmath>
 #include <filesystem>
 #include <map>
 #include <optional>
 #include <string>
+#include <type_traits>
 #include <utility>
 #include <vector>
 
@@ -56,15 +58,16 @@ T* value_at(const cleave_batch& batch, const cleave_component& c, std::size_t k)
 template <class T>
 std::uint32_t refuse_not_finite(const cleave_batch& batch, const cleave_component* outputs, std::size_t count) {
   constexpr std::size_t lanes = CLEAVE_TILE_BYTES / sizeof(T);
-  T sum[lanes] = {};  // x - x is 0 or NaN
+  using Bits = std::conditional_t<std::is_same_v<T, float>, std::uint32_t, std::uint64_t>;
+  Bits bits[lanes] = {};  // x - x is +0, or NaN, which has bits
   for (std::size_t c = 0; c < count; c++)
     for (std::size_t k = 0; k < batch.count; k += lanes) {
       const T* row = value_at<T>(batch, outputs[c], k);
-      for (std::size_t l = 0; l < lanes; l++) sum[l] += row[l] - row[l];
+      for (std::size_t l = 0; l < lanes; l++) bits[l] |= std::bit_cast<Bits>(row[l] - row[l]);
     }
-  T total = 0;
-  for (const T s : sum) total += s;
-  if (__builtin_expect(total == 0, 1)) return 0;
+  Bits any = 0;
+  for (const Bits b : bits) any |= b;
+  if (__builtin_expect(any == 0, 1)) return 0;
   std::uint32_t points = 0;
   for (std::size_t k = 0; k < batch.count; k++) {
     if (batch.status[k] >= CLEAVE_STATUS_RETRY) continue;
