@@ -141,9 +141,13 @@ cleave_result LawWatch::call(const cleave_instance* instance, const cleave_batch
   std::atomic_signal_fence(std::memory_order_seq_cst);
 
   const std::uint32_t not_finite = refuse_not_finite<T>(*batch, watch.results_.data(), watch.results_.size());
-  cleave_status worst = CLEAVE_STATUS_OK;
-  for (std::uint32_t k = 0; k < batch->count; k++) worst = std::max(worst, batch->status[k]);
-  if (__builtin_expect(worst >= CLEAVE_STATUS_RETRY || result != CLEAVE_OK, 0)) {
+  std::uint64_t statuses[chunk_points / sizeof(std::uint64_t)], raised = 0;  // the kernels have room for a chunk
+  static_assert(sizeof statuses == chunk_points * sizeof(cleave_status));
+  std::memcpy(statuses, batch->status, sizeof statuses);
+  for (const auto s : statuses) raised |= s;
+  if (__builtin_expect(raised != 0 || result != CLEAVE_OK, 0)) {
+    const cleave_status worst = *std::max_element(batch->status, batch->status + chunk_points);
+    if (worst < CLEAVE_STATUS_RETRY && result == CLEAVE_OK) return result;
     const std::size_t degree = worst >= CLEAVE_STATUS_FATAL ? 2 : worst == CLEAVE_STATUS_RETRY ? 1 : 0;
     watch.failed_.keep(degree, watch, *batch, saved, result, not_finite);
   }
