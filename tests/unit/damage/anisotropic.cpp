@@ -91,7 +91,7 @@ TEST(AnisotropicDamage, MatchesThePublishedCode) {
                                                              {"qrsnh_alpha=10_p=0.05", {10}},
                                                              {"nhb_alpha=-0.5,2_p=0.1", {-0.5, 2}},
                                                              {"qraniso_k0=10mu_alpha=-1_p=0.1", {-1}}};
-  const auto rows = read_rows(file);
+  const auto rows = read_reference_table(file);
   ASSERT_GE(rows.size(), 100u);
   for (const auto& row : rows) {
     const Instance law = law_of(std::stod(row.at("sigma_crit")), alphas.at(row.at("variant")));
@@ -113,7 +113,7 @@ TEST(AnisotropicDamage, CriticalStretchIsTheEnergyThePublishedCodeTakesForAStres
   given["critical_stretch"] = 0.1;
   const Instance law = damage_law(anisotropic, given, elastic.context());
   int compared = 0;
-  for (const auto& row : read_rows(file)) {
+  for (const auto& row : read_reference_table(file)) {
     if (row.at("variant").rfind("nhb", 0) != 0) continue;
     const double critical = std::stod(row.at("sigma_crit")), pull = 3 * critical;
     Point point;

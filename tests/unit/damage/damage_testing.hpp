@@ -1,6 +1,7 @@
 #pragma once
 
 #include "../../reference_data.hpp"
+#include "../../reference_table.hpp"
 #include "../plugins/law_driver.hpp"
 #include "../plugins/strains.hpp"
 
@@ -10,9 +11,7 @@
 #include <gmock/gmock.h>
 
 #include <cmath>
-#include <fstream>
 #include <limits>
-#include <sstream>
 
 namespace cleave::plugins::test {
 
@@ -68,30 +67,6 @@ inline cleave_damage_model model_of(const Instance& law) {
 }
 
 inline std::vector<double> stress(const Tensor& s) { return symmetric(s); }
-
-/// Rows of a table of reference values by column name. The name of a variant may hold a comma.
-inline std::vector<std::map<std::string, std::string>> read_rows(const std::filesystem::path& file) {
-  std::ifstream in(file);
-  std::vector<std::string> header;
-  std::vector<std::map<std::string, std::string>> rows;
-  for (std::string line; std::getline(in, line);) {
-    if (line.empty() || line[0] == '#') continue;
-    std::vector<std::string> cells;
-    std::istringstream split(line);
-    for (std::string cell; std::getline(split, cell, ',');) cells.push_back(cell);
-    if (header.empty()) {
-      header = cells;
-      continue;
-    }
-    while (cells.size() > header.size()) {
-      cells[1] += "," + cells[2];
-      cells.erase(cells.begin() + 2);
-    }
-    auto& row = rows.emplace_back();
-    for (std::size_t i = 0; i < header.size(); ++i) row[header[i]] = cells.at(i);
-  }
-  return rows;
-}
 
 inline Tensor matrix_of(const std::map<std::string, std::string>& row, const std::string& letter) {
   Tensor a;

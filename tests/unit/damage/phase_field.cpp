@@ -42,7 +42,7 @@ TEST(PhaseField, MatchesThePublishedCode) {
   const Elastic elastic({{"shear_modulus", mu}, {"bulk_modulus", lambda + 0.666666 * mu}});
   const Instance law =
       damage_law(phase_field, {{"critical_stretch", 0.02}, {"length_scale", 0.01}, {"residual", 0.001}}, elastic.context());
-  const auto rows = read_rows(file);
+  const auto rows = read_reference_table(file);
   ASSERT_GE(rows.size(), 20u);
   for (const auto& row : rows) {
     LawDriver<double> energy;

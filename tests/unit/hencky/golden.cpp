@@ -1,9 +1,8 @@
 #include "../../reference_data.hpp"
+#include "../../reference_table.hpp"
 #include "hencky_testing.hpp"
 
-#include <fstream>
 #include <regex>
-#include <sstream>
 
 namespace cleave::plugins::test {
 namespace {
@@ -29,22 +28,8 @@ struct Row {
 class Golden : public ::testing::Test {
  protected:
   std::vector<Row> read(const std::string& name) {
-    std::ifstream in(reference_data() / "golden" / name);
-    std::vector<std::string> header;
     std::vector<Row> rows;
-    for (std::string line; std::getline(in, line);) {
-      if (line.empty() || line[0] == '#') continue;
-      std::vector<std::string> cells;
-      std::istringstream split(line);
-      for (std::string cell; std::getline(split, cell, ',');) cells.push_back(cell);
-      if (header.empty()) {
-        header = cells;
-        continue;
-      }
-      Row row;
-      for (std::size_t i = 0; i < header.size(); ++i) row.cells[header[i]] = cells.at(i);
-      rows.push_back(std::move(row));
-    }
+    for (auto& cells : read_reference_table(reference_data() / "golden" / name)) rows.push_back({std::move(cells)});
     return rows;
   }
   static constexpr double tolerance = 1e-9;

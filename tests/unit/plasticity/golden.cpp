@@ -1,11 +1,10 @@
 #include "../../reference_data.hpp"
+#include "../../reference_table.hpp"
 #include "mapping.hpp"
 
 #include <filesystem>
-#include <fstream>
 #include <functional>
 #include <map>
-#include <sstream>
 
 namespace cleave::plugins::test {
 namespace {
@@ -21,20 +20,11 @@ struct Row {
 };
 
 std::vector<Row> read(const std::filesystem::path& file) {
-  std::ifstream in(file);
-  std::vector<std::string> header;
   std::vector<Row> rows;
-  for (std::string line; std::getline(in, line);) {
-    if (line.empty() || line[0] == '#') continue;
-    std::vector<std::string> cells;
-    std::istringstream split(line);
-    for (std::string cell; std::getline(split, cell, ',');) cells.push_back(cell);
-    if (header.empty()) {
-      header = cells;
-      continue;
-    }
-    Row row{cells.at(0), cells.at(1), {}, {}, {}};
-    for (std::size_t i = 2; i < header.size(); ++i) row.number[header[i]] = std::stod(cells.at(i));
+  for (const auto& cells : read_reference_table(file)) {
+    Row row{cells.at("case"), cells.at("variant"), {}, {}, {}};
+    for (const auto& [column, cell] : cells)
+      if (column != "case" && column != "variant") row.number[column] = std::stod(cell);
     for (int i = 0; i < 3; ++i)
       for (int j = 0; j < 3; ++j) {
         const std::string index = std::to_string(i) + std::to_string(j);

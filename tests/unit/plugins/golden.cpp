@@ -1,13 +1,11 @@
 #include "../../reference_data.hpp"
+#include "../../reference_table.hpp"
 #include "law_driver.hpp"
 #include "strains.hpp"
 
 #include <cmath>
 #include <cstdlib>
 #include <filesystem>
-#include <fstream>
-#include <map>
-#include <sstream>
 
 namespace cleave::plugins::test {
 namespace {
@@ -24,20 +22,8 @@ struct Row {
 std::filesystem::path reference_file(const std::string& name) { return reference_data() / "golden" / name; }
 
 std::vector<Row> read(const std::filesystem::path& file) {
-  std::ifstream in(file);
-  std::vector<std::string> header;
   std::vector<Row> rows;
-  for (std::string line; std::getline(in, line);) {
-    if (line.empty() || line[0] == '#') continue;
-    std::vector<std::string> cells;
-    std::istringstream split(line);
-    for (std::string cell; std::getline(split, cell, ',');) cells.push_back(cell);
-    if (header.empty()) {
-      header = cells;
-      continue;
-    }
-    std::map<std::string, std::string> row;
-    for (std::size_t i = 0; i < header.size(); ++i) row[header[i]] = cells.at(i);
+  for (const auto& row : read_reference_table(file)) {
     const auto matrix = [&](const std::string& prefix) {
       Tensor a;
       for (int i = 0; i < 3; ++i)

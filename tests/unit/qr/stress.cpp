@@ -1,9 +1,8 @@
 #include "../../reference_data.hpp"
+#include "../../reference_table.hpp"
 #include "qr_testing.hpp"
 
 #include <cmath>
-#include <fstream>
-#include <sstream>
 
 namespace cleave::plugins::test {
 namespace {
@@ -116,25 +115,8 @@ TEST(QrStress, SinglePrecisionKeepsItsDigits) {
 
 using Row = std::map<std::string, std::string>;
 
-std::vector<Row> read(const std::string& name) {
-  std::ifstream in(reference_data() / "golden" / name);
-  std::vector<std::string> header;
-  std::vector<Row> rows;
-  for (std::string line; std::getline(in, line);) {
-    if (line.empty() || line[0] == '#') continue;
-    std::vector<std::string> cells;
-    std::istringstream split(line);
-    for (std::string cell; std::getline(split, cell, ',');) cells.push_back(cell);
-    if (header.empty()) {
-      header = cells;
-      continue;
-    }
-    Row row;
-    for (std::size_t i = 0; i < header.size(); ++i) row[header[i]] = cells.at(i);
-    rows.push_back(row);
-  }
-  return rows;
-}
+std::vector<Row> read(const std::string& name) { return read_reference_table(reference_data() / "golden" / name); }
+
 Tensor matrix(const Row& row, const std::string& name) {
   Tensor a;
   for (int i = 0; i < 9; ++i) a.data()[i] = std::stod(row.at(name + std::to_string(i / 3) + std::to_string(i % 3)));
