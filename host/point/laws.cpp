@@ -4,6 +4,7 @@
 #include "config/law_reader.hpp"
 #include "config/overrides.hpp"
 #include "plugins/elastic_probe.hpp"
+#include "scene/fiber_field.hpp"
 
 #include <charconv>
 #include <cmath>
@@ -38,14 +39,6 @@ Vector3 parse_direction(const char* option, const std::string& text) {
   return std::abs(direction.squaredNorm() - 1) < 1e-14 ? direction : Vector3(direction / length);
 }
 
-/// The axis after the one closest to `direction`, made orthogonal: x is completed by y.
-Vector3 completing(const Vector3& direction) {
-  int closest = 0;
-  direction.cwiseAbs().maxCoeff(&closest);
-  const Vector3 axis = Vector3::Unit((closest + 1) % 3);
-  return (axis - axis.dot(direction) * direction).normalized();
-}
-
 std::optional<config::Fibers> read_fibers(const LawChoice& choice) {
   if (!choice.fiber) {
     if (choice.second_fiber) refuse("--fiber2", "is given without --fiber");
@@ -53,7 +46,7 @@ std::optional<config::Fibers> read_fibers(const LawChoice& choice) {
   }
   config::Fibers fibers{parse_direction("--fiber", *choice.fiber), std::nullopt};
   if (!choice.second_fiber) {
-    fibers.second = completing(fibers.direction);
+    fibers.second = scene::perpendicular_to(fibers.direction);
     return fibers;
   }
   constexpr double tolerance = 1e-6;
