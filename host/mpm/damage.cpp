@@ -14,18 +14,18 @@ constexpr double saturating_driving_force = saturated_damage / (1 - saturated_da
 }
 
 template <class T, int D>
-DamageEvolution<T, D>::DamageEvolution(const Material& material, const config::DamageSolver& solver,
-                                       const DamageKernels<T, D>& kernels, double cell_size)
-    : kernels_(kernels),
+DamageEvolution<T, D>::DamageEvolution(const Material& material, const BoundLaw& inputs, const BoundLaw& law,
+                                       const config::DamageSolver& solver, double cell_size)
+    : kernels_(kernels_of<T, D>(load_kernels().damage)),
       solver_(solver),
-      inputs_(material.damage_inputs<T>()),
-      law_(material.driving_force<T>()),
+      inputs_(inputs),
+      law_(law),
       viscosity_(material.damage_model().viscosity),
       length_(material.damage_model().length / cell_size),
       local_(material.damage().can(CLEAVE_DAMAGE_IS_LOCAL)),
       explicit_(!local_ && material.damage_model().integration == CLEAVE_INTEGRATION_EXPLICIT),
       cubic_(explicit_ && solver.laplacian == config::Laplacian::cubic),
-      scratch_([size = kernels.scratch_bytes] { return Buffer(size); }) {}
+      scratch_([size = kernels_.scratch_bytes] { return Buffer(size); }) {}
 
 template <class T, int D>
 double DamageEvolution<T, D>::step_bound(double driving_force) const {
@@ -99,10 +99,18 @@ void DamageEvolution<T, D>::for_homes(const Flags& home, F&& work) {
 
 template <class T, int D>
 template <class F>
-void DamageEvolution<T, D>::for_nodes(const Flags& grid, F&& work) {
+void DamageEvolution<T, D>::for_blocks(const Flags& grid, F&& work) {
   tbb::parallel_for(tbb::blocked_range<std::size_t>(0, grid.size(), 64), [&](const auto& range) {
     for (std::size_t b = range.begin(); b < range.end(); b++)
       if (grid[b]) work(b * GridShape<D>::block_nodes);
+  });
+}
+
+template <class T, int D>
+template <class F>
+void DamageEvolution<T, D>::for_nodes(const Flags& grid, F&& work) {
+  for_blocks(grid, [&](std::size_t first) {
+    for (std::size_t n = first; n < first + GridShape<D>::block_nodes; n++) work(n);
   });
 }
 
@@ -125,7 +133,7 @@ double DamageEvolution<T, D>::sum_nodes(const Flags& grid, F&& term) {
 
 template <class T, int D>
 void DamageEvolution<T, D>::clear(const Flags& grid, T* field, int numbers) {
-  for_nodes(grid, [&](std::size_t first) {
+  for_blocks(grid, [&](std::size_t first) {
     std::memset(field + first * std::size_t(numbers), 0, sizeof(T) * GridShape<D>::block_nodes * std::size_t(numbers));
   });
 }
@@ -138,7 +146,7 @@ void DamageEvolution<T, D>::drive(const ParticleView& view, Particles<T, D>& par
   auto& blocks = particles.blocks();
   driving_force_.reserve(particles.tiles() * CLEAVE_TILE_BYTES);
   volume_.reserve(particles.tiles() * CLEAVE_TILE_BYTES);
-  const DamageView damage{inputs_, law_, local_, time_step, driving_force_.data(), volume_.data()};
+  const DamageView damage = damage_view(time_step);
   reports.assign(blocks.size(), {});
   reports_.assign(blocks.size(), {});
   tbb::parallel_for(tbb::blocked_range<std::size_t>(0, blocks.size(), 4), [&](const auto& range) {
@@ -180,7 +188,7 @@ void DamageEvolution<T, D>::evolve(const ParticleView& view, Particles<T, D>& pa
 template <class T, int D>
 void DamageEvolution<T, D>::integrate(const ParticleView& view, Particles<T, D>& particles, double time_step) {
   auto& blocks = particles.blocks();
-  const DamageView damage{inputs_, law_, local_, time_step, driving_force_.data(), volume_.data()};
+  const DamageView damage = damage_view(time_step);
   // A particle's damage is felt up to six cells away: particle to node, node to gradient, gradient to node, node to particle.
   const Flags reached = dilated(blocks, active_, 2), filling = dilated(blocks, reached, 1);
   const Flags nodes = grid_blocks_of(blocks, filling);
@@ -189,10 +197,7 @@ void DamageEvolution<T, D>::integrate(const ParticleView& view, Particles<T, D>&
   for_coloured(particles, filling, [&](std::size_t i, void* memory) {
     (cubic_ ? kernels_.collect_cubic : kernels_.collect)(view, blocks[i], damage, collected, memory);
   });
-  for_nodes(nodes, [&](std::size_t first) {
-    for (std::size_t n = first; n < first + GridShape<D>::block_nodes; n++)
-      field[n] = collected[4 * n] > T(0) ? collected[4 * n + 1] / collected[4 * n] : T(0);
-  });
+  for_nodes(nodes, [&](std::size_t n) { field[n] = collected[4 * n] > T(0) ? collected[4 * n + 1] / collected[4 * n] : T(0); });
   const double rate = time_step / viscosity_;
   reports_.assign(blocks.size(), {});
   if (cubic_) {
@@ -203,10 +208,7 @@ void DamageEvolution<T, D>::integrate(const ParticleView& view, Particles<T, D>&
     clear(nodes, laplacian);
     for_coloured(particles, reached,
                  [&](std::size_t i, void* memory) { kernels_.stiffness(view, blocks[i], damage, field, laplacian, memory); });
-    for_nodes(nodes, [&](std::size_t first) {
-      for (std::size_t n = first; n < first + GridShape<D>::block_nodes; n++)
-        laplacian[n] = collected[4 * n] > T(0) ? -laplacian[n] / collected[4 * n] : T(0);
-    });
+    for_nodes(nodes, [&](std::size_t n) { laplacian[n] = collected[4 * n] > T(0) ? -laplacian[n] / collected[4 * n] : T(0); });
     for_homes(reached, [&](std::size_t i, void* memory) {
       kernels_.integrate(view, blocks[i], damage, laplacian, rate, length_, memory, reports_[i]);
     });
@@ -218,7 +220,7 @@ void DamageEvolution<T, D>::integrate(const ParticleView& view, Particles<T, D>&
 template <class T, int D>
 void DamageEvolution<T, D>::solve(const ParticleView& view, Particles<T, D>& particles, double time_step) {
   auto& blocks = particles.blocks();
-  const DamageView damage{inputs_, law_, local_, time_step, driving_force_.data(), volume_.data()};
+  const DamageView damage = damage_view(time_step);
   T *collected = numbers(collected_), *initial = numbers(initial_), *x = numbers(change_), *r = numbers(residual_),
     *p = numbers(direction_), *Ap = numbers(product_);
   const T memory_of_damage = T(viscosity_ / time_step), length2 = T(length_ * length_);
@@ -260,7 +262,7 @@ void DamageEvolution<T, D>::solve(const ParticleView& view, Particles<T, D>& par
   /// Node blocks where a field is not zero.
   const auto support = [&](const T* field) {
     Flags grid(grid_size_, 0);
-    for_nodes(nodes, [&](std::size_t first) {
+    for_blocks(nodes, [&](std::size_t first) {
       for (std::size_t n = first; n < first + GridShape<D>::block_nodes; n++)
         if (field[n] != T(0)) {
           grid[first / GridShape<D>::block_nodes] = 1;
@@ -276,24 +278,17 @@ void DamageEvolution<T, D>::solve(const ParticleView& view, Particles<T, D>& par
     clear(nodes, Ap);
     for_coloured(particles, home,
                  [&](std::size_t i, void* memory) { kernels_.stiffness(view, blocks[i], damage, field, Ap, memory); });
-    for_nodes(nodes, [&](std::size_t first) {
-      for (std::size_t n = first; n < first + GridShape<D>::block_nodes; n++) Ap[n] = length2 * Ap[n] + diagonal(n) * field[n];
-    });
+    for_nodes(nodes, [&](std::size_t n) { Ap[n] = length2 * Ap[n] + diagonal(n) * field[n]; });
   };
 
   fill(dilated(blocks, active_, 4));
-  for_nodes(nodes, [&](std::size_t first) {
-    for (std::size_t n = first; n < first + GridShape<D>::block_nodes; n++)
-      initial[n] = mass(n) > T(0) ? collected[4 * n + 1] / mass(n) : T(0);
-  });
+  for_nodes(nodes, [&](std::size_t n) { initial[n] = mass(n) > T(0) ? collected[4 * n + 1] / mass(n) : T(0); });
   // Solved for the change from S/M, whose right-hand side T - (M + T + l^2 K) S/M is what is out of balance. The memory
   // eta/dt S is on both sides of the equation: next to it, what drives slow damage would drown in the tolerance.
   multiply(initial, resting);
-  for_nodes(nodes, [&](std::size_t first) {
-    for (std::size_t n = first; n < first + GridShape<D>::block_nodes; n++) {
-      r[n] = collected[4 * n + 2] - Ap[n];
-      p[n] = preconditioned(n);
-    }
+  for_nodes(nodes, [&](std::size_t n) {
+    r[n] = collected[4 * n + 2] - Ap[n];
+    p[n] = preconditioned(n);
   });
   const double scale = sum_nodes(nodes, [&](std::size_t n) {
     const double b = double(collected[4 * n + 1] + collected[4 * n + 2]);
@@ -308,18 +303,14 @@ void DamageEvolution<T, D>::solve(const ParticleView& view, Particles<T, D>& par
     const double pAp = sum_nodes(nodes, [&](std::size_t n) { return double(p[n]) * double(Ap[n]); });
     if (!(pAp > 0)) break;
     const T alpha = T(rz / pAp);
-    for_nodes(nodes, [&](std::size_t first) {
-      for (std::size_t n = first; n < first + GridShape<D>::block_nodes; n++) {
-        x[n] += alpha * p[n];
-        r[n] -= alpha * Ap[n];
-      }
+    for_nodes(nodes, [&](std::size_t n) {
+      x[n] += alpha * p[n];
+      r[n] -= alpha * Ap[n];
     });
     const double next = sum_nodes(nodes, [&](std::size_t n) { return double(r[n]) * double(preconditioned(n)); });
     const T beta = T(next / rz);
     rz = next;
-    for_nodes(nodes, [&](std::size_t first) {
-      for (std::size_t n = first; n < first + GridShape<D>::block_nodes; n++) p[n] = preconditioned(n) + beta * p[n];
-    });
+    for_nodes(nodes, [&](std::size_t n) { p[n] = preconditioned(n) + beta * p[n]; });
   }
   statistics_.solves++;
   statistics_.iterations += iteration;

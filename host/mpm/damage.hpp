@@ -29,7 +29,8 @@ namespace cleave::mpm {
 template <class T, int D>
 class DamageEvolution {
  public:
-  DamageEvolution(const Material&, const config::DamageSolver&, const DamageKernels<T, D>&, double cell_size);
+  /// `inputs` and `law` are the material's damage_inputs() and driving_force(), as they are to be called.
+  DamageEvolution(const Material&, const BoundLaw& inputs, const BoundLaw& law, const config::DamageSolver&, double cell_size);
 
   /// Calls the laws on all particles: driving forces and history from the present strain. Local laws are done with this.
   /// One report per block.
@@ -60,6 +61,7 @@ class DamageEvolution {
 
   void integrate(const ParticleView&, Particles<T, D>&, double time_step);
   void solve(const ParticleView&, Particles<T, D>&, double time_step);
+  DamageView damage_view(double time_step) const { return {inputs_, law_, local_, time_step, driving_force_.data(), volume_.data()}; }
   /// Blocks up to `distance` blocks away.
   Flags dilated(const Blocks&, const Flags&, int distance) const;
   Flags grid_blocks_of(const Blocks&, const Flags& home) const;
@@ -68,7 +70,9 @@ class DamageEvolution {
   void for_coloured(const Particles<T, D>&, const Flags&, F&&);
   template <class F>
   void for_homes(const Flags&, F&&);
-  /// Calls f(first node) for each block; sum in block order if f returns a number.
+  /// Calls f(first node) for each block, f(node) for each node; sums are in block order.
+  template <class F>
+  void for_blocks(const Flags& grid, F&&);
   template <class F>
   void for_nodes(const Flags& grid, F&&);
   template <class F>

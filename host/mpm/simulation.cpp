@@ -48,8 +48,7 @@ class MpmSimulation final : public Simulation {
  public:
   MpmSimulation(const config::Scene& scene, plugins::Registry& registry)
       : scene_(scene),
-        kernels_(pick(load_kernels())),
-        damage_kernels_(watching(pick(load_kernels().damage))),
+        kernels_(kernels_of<T, D>(load_kernels())),
         cell_size_(scene.simulation.cell_size),
         colliders_(scene.colliders, scene.simulation.cell_size),
         handles_(scene.handles, scene.simulation.cell_size),
@@ -121,21 +120,6 @@ class MpmSimulation final : public Simulation {
   }
 
  private:
-  template <class Set>
-  static const auto& pick(const Set& k) {
-    if constexpr (std::is_same_v<T, float>) {
-      if constexpr (D == 2)
-        return k.single_2d;
-      else
-        return k.single_3d;
-    } else {
-      if constexpr (D == 2)
-        return k.double_2d;
-      else
-        return k.double_3d;
-    }
-  }
-
   /// Adds the seconds a scope takes to a stage.
   struct Timer {
     Timer(MpmSimulation& sim, Stage stage) : seconds(sim.stage_seconds_[stage]) {}
@@ -207,28 +191,12 @@ class MpmSimulation final : public Simulation {
   };
   std::unique_ptr<Watches> watch(std::size_t material);
 
-  /// Particles whose damage law is called through its watch.
-  struct WatchedParticles : ParticleView {
-    BoundLaw damage_inputs, driving_force;
-  };
-  static DamageKernels<T, D> watching(DamageKernels<T, D> kernels) {
-    kernels.drive = [](const ParticleView& particles, const BlockView& block, const DamageView& damage, void* memory,
-                       BlockReport& report, DamageReport& damage_report) {
-      const auto& watched = static_cast<const WatchedParticles&>(particles);
-      DamageView view = damage;
-      view.inputs = watched.damage_inputs;
-      view.law = watched.driving_force;
-      pick(load_kernels().damage).drive(particles, block, view, memory, report, damage_report);
-    };
-    return kernels;
-  }
-
-  WatchedParticles view(std::size_t set) const {
+  ParticleView view(std::size_t set) const {
     const Set& s = *sets_[set];
     const TileLayout& l = s.layout();
     const Material& m = *materials_[set_material_[set]];
     const Watches& laws = *watches_[set_material_[set]];
-    WatchedParticles v;
+    ParticleView v;
     v.tiles = s.data();
     v.stride = l.stride;
     v.position = l.position;
@@ -242,8 +210,6 @@ class MpmSimulation final : public Simulation {
     v.elasticity = laws.stress.watched();
     if (m.damage()) {
       v.degraded_elasticity = laws.degraded_stress.watched();
-      v.damage_inputs = laws.damage_inputs.watched();
-      v.driving_force = laws.driving_force.watched();
       v.damage = l.damage;
       v.residual = m.damage_model().residual;
     }
@@ -269,7 +235,6 @@ class MpmSimulation final : public Simulation {
 
   config::Scene scene_;
   const TransferKernels<T, D>& kernels_;
-  const DamageKernels<T, D> damage_kernels_;
   double cell_size_;
   double reference_density_ = 1;
   std::vector<std::unique_ptr<Material>> materials_;
@@ -374,7 +339,8 @@ void MpmSimulation<T, D>::populate() {
     damage_.push_back(nullptr);
     if (materials_[m]->damage()) {
       damage_.back() =
-          std::make_unique<DamageEvolution<T, D>>(*materials_[m], scene_.simulation.damage, damage_kernels_, cell_size_);
+          std::make_unique<DamageEvolution<T, D>>(*materials_[m], watches_[m]->damage_inputs.watched(),
+                                                  watches_[m]->driving_force.watched(), scene_.simulation.damage, cell_size_);
       any_evolution_ = any_evolution_ || !damage_.back()->local();
       sorts_always_ = sorts_always_ || damage_.back()->needs_sorted_particles();
     }

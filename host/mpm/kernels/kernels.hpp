@@ -177,6 +177,22 @@ struct KernelSet {
   DamageKernelSet damage;
 };
 
+/// The kernels of one precision and dimension, of a KernelSet or a DamageKernelSet.
+template <class T, int D, class Set>
+const auto& kernels_of(const Set& set) {
+  if constexpr (sizeof(T) == sizeof(float)) {
+    if constexpr (D == 2)
+      return set.single_2d;
+    else
+      return set.single_3d;
+  } else {
+    if constexpr (D == 2)
+      return set.double_2d;
+    else
+      return set.double_3d;
+  }
+}
+
 /// The symbol each kernel library exports.
 #define CLEAVE_KERNELS_SYMBOL "cleave_kernels"
 using KernelsEntry = const KernelSet* (*)();

@@ -74,20 +74,7 @@ class Discrete {
   }
 
  private:
-  const DamageKernels<T, D>& kernels() const {
-    const auto& k = load_kernels().damage;
-    if constexpr (std::is_same_v<T, float>) {
-      if constexpr (D == 2)
-        return k.single_2d;
-      else
-        return k.single_3d;
-    } else {
-      if constexpr (D == 2)
-        return k.double_2d;
-      else
-        return k.double_3d;
-    }
-  }
+  const DamageKernels<T, D>& kernels() const { return kernels_of<T, D>(load_kernels().damage); }
   ParticleView view() const {
     ParticleView v;
     const TileLayout& l = particles_.layout();
