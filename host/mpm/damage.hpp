@@ -61,7 +61,9 @@ class DamageEvolution {
 
   void integrate(const ParticleView&, Particles<T, D>&, double time_step);
   void solve(const ParticleView&, Particles<T, D>&, double time_step);
-  DamageView damage_view(double time_step) const { return {inputs_, law_, local_, time_step, driving_force_.data(), volume_.data()}; }
+  DamageView damage_view(double time_step) const {
+    return {inputs_, law_, local_, time_step, driving_force_.data(), volume_.data()};
+  }
   /// Blocks up to `distance` blocks away.
   Flags dilated(const Blocks&, const Flags&, int distance) const;
   Flags grid_blocks_of(const Blocks&, const Flags& home) const;
