@@ -12,6 +12,7 @@
 #include <spdlog/spdlog.h>
 #include <tbb/global_control.h>
 #include <tbb/info.h>
+#include <time.h>
 #include <unistd.h>
 
 #include <chrono>
@@ -23,7 +24,20 @@ namespace cleave::app {
 namespace {
 
 volatile std::sig_atomic_t interrupted = 0;
-extern "C" void on_interrupt(int) { interrupted = 1; }
+timespec interrupted_at;
+
+/// A launcher that signals both the program and its group sends the same request twice: what follows at once is no second one.
+extern "C" void on_interrupt(int signal_number) {
+  timespec now;
+  clock_gettime(CLOCK_MONOTONIC, &now);
+  if (!interrupted) {
+    interrupted = 1;
+    interrupted_at = now;
+  } else if (double(now.tv_sec - interrupted_at.tv_sec) + 1e-9 * double(now.tv_nsec - interrupted_at.tv_nsec) > 0.5) {
+    signal(signal_number, SIG_DFL);
+    raise(signal_number);
+  }
+}
 
 /// The first SIGINT or SIGTERM ends the run after the current step; a second one ends the program.
 struct InterruptGuard {
@@ -31,7 +45,6 @@ struct InterruptGuard {
     interrupted = 0;
     struct sigaction action {};
     action.sa_handler = on_interrupt;
-    action.sa_flags = int(SA_RESETHAND);
     sigaction(SIGINT, &action, &old_int);
     sigaction(SIGTERM, &action, &old_term);
   }
@@ -77,6 +90,7 @@ std::string particle_csv(const output::ParticleFrame& f) {
 
 int run_command(const RunOptions& options, plugins::Registry& registry) {
   using Clock = std::chrono::steady_clock;
+  const InterruptGuard guard;  // from the start: a run stopped while it samples its bodies ends in order, too
   std::vector<config::Override> overrides;
   for (const auto& s : options.sets) overrides.push_back(config::parse_override(s));
   std::vector<std::string> warnings;
@@ -122,7 +136,6 @@ int run_command(const RunOptions& options, plugins::Registry& registry) {
 
   output::Progress progress(end_time, simulation->particles(),
                             options.quiet ? output::Progress::Mode::quiet : output::Progress::mode_for(2));
-  InterruptGuard guard;
   const mpm::CrashDump crash_dump(out / "failed_batch.json");
   double stepping = 0, writing = 0;
   int frames_written = 0;

@@ -30,6 +30,9 @@ typedef struct cleave_body {
   const uint32_t* tetrahedra; /* 4 vertices each; the points are then the barycentres, in this order */
 } cleave_body;
 
+/* What a handle may hold of a body. */
+enum cleave_entity { CLEAVE_POINT = 0, CLEAVE_VERTEX = 1 };
+
 /* How the plugin asks the host about the surroundings during step(). [ownership] host; valid during step(). */
 typedef struct cleave_surroundings {
   uint32_t struct_size;
@@ -39,15 +42,21 @@ typedef struct cleave_surroundings {
   /* Replaces the velocities (3 per point) of `count` points at `position` by what the colliders of the scene allow.
    * [any-thread] */
   void (*collide)(void* user, uint64_t count, const double* position, double* velocity);
-  /* Position and velocity of the point of a body that a handle moves; returns 0 for a free point. [any-thread] */
-  int32_t (*handle)(void* user, uint64_t body, uint64_t point, double* position, double* velocity);
+  /* Position (m, 3) and velocity (m/s, 3) at the end of the step of a point or vertex of a body (enum cleave_entity) that a
+   * handle moves; returns 0 and writes nothing if it is free. [any-thread] */
+  int32_t (*handle)(void* user, uint64_t body, uint32_t entity, uint64_t index, double* position, double* velocity);
 } cleave_surroundings;
 
-/* A per-point quantity the plugin exposes. [ownership] plugin; valid until the next step() or destroy(). */
+/* A quantity of the body's points that the plugin exposes, for output and measurement. The host knows these names:
+ *   "position" [m, 3], "velocity" [m/s, 3]   always there
+ *   "damage" [1]                             d in [0,1]
+ *   "energy" [J/m^3]                         elastic energy per reference volume
+ *   "F" [1, 9]                               deformation gradient, row-major
+ * Others are written to frames as they are. [ownership] plugin; valid until the next step(), restore() or destroy(). */
 typedef struct cleave_point_field {
   uint32_t struct_size;
   uint32_t components; /* 1, 3 or 9 */
-  const char* name;    /* "position" and "velocity" are always there; "damage" if there is any */
+  const char* name;    /* lower_case_with_underscores, but for "F" */
   const char* unit;
   const double* values;
 } cleave_point_field;

@@ -3,7 +3,8 @@
 ///   void add_body(const cleave_body& body);                          bodies are numbered from 0 in call order
 ///   double stable_step() const;                                      s
 ///   void step(double time_step, const World& world);
-///   std::vector<PointField> fields(std::uint64_t body) const;        "position" and "velocity" are among them
+///   std::vector<PointField> fields(std::uint64_t body) const;        "position" and "velocity" are among them,
+///                                                                    names as in <cleave/discretization.h>
 ///   std::vector<std::byte> save() const;                             the complete state
 ///   void restore(std::span<const std::byte> state);
 ///   std::optional<SurfaceMesh> surface(std::uint64_t body) const;    may be left out
@@ -35,17 +36,23 @@ class World {
   void collide(std::span<const double> position, std::span<double> velocity) const {
     surroundings_.collide(surroundings_.user, position.size() / 3, position.data(), velocity.data());
   }
-  /// Position and velocity of a point that a handle moves; empty for a free point. May be called by several threads.
+  /// Position and velocity, at the end of the step, of a point or vertex that a handle moves; empty if it is free. May be
+  /// called by several threads.
   struct Motion {
     std::array<double, 3> position, velocity;
   };
-  std::optional<Motion> handle(std::uint64_t body, std::uint64_t point) const {
-    Motion motion;
-    if (!surroundings_.handle(surroundings_.user, body, point, motion.position.data(), motion.velocity.data())) return {};
-    return motion;
+  std::optional<Motion> handle(std::uint64_t body, std::uint64_t point) const { return held(body, CLEAVE_POINT, point); }
+  std::optional<Motion> vertex_handle(std::uint64_t body, std::uint64_t vertex) const {
+    return held(body, CLEAVE_VERTEX, vertex);
   }
 
  private:
+  std::optional<Motion> held(std::uint64_t body, cleave_entity entity, std::uint64_t index) const {
+    Motion motion;
+    if (!surroundings_.handle(surroundings_.user, body, entity, index, motion.position.data(), motion.velocity.data()))
+      return {};
+    return motion;
+  }
   const cleave_surroundings& surroundings_;
 };
 

@@ -74,8 +74,9 @@ struct PluginOf {
   }
   static void destroy(cleave_instance* instance) noexcept { delete reinterpret_cast<Instance*>(instance); }
 
+  static constexpr bool has_initial_state = requires(const Law& law) { law.initial_state(); };
   static void initial_state(const cleave_instance* instance, double* values) noexcept {
-    if constexpr (requires(const Law& law) { law.initial_state(); }) {
+    if constexpr (has_initial_state) {
       const auto initial = reinterpret_cast<const Instance*>(instance)->law.initial_state();
       static_assert(std::tuple_size_v<std::remove_const_t<decltype(initial)>> == state_count<Law>(),
                     "initial_state() returns one number for every state component");
@@ -96,20 +97,24 @@ struct PluginOf {
       static const cleave_about about{sizeof(cleave_about), Law::about.id,      Law::about.version,
                                       Law::about.author,    Law::about.summary, Law::about.source};
       // One host per process: the minor version agreed on with the first caller holds.
-      static const cleave_plugin table{
-          sizeof(cleave_plugin), {CLEAVE_ABI_MAJOR, std::min<std::uint32_t>(CLEAVE_ABI_MINOR, host->abi.minor)}, &about,
-          &schema().abi(), &kind_table, &extension, &create, &destroy, requires(const Law& law){law.initial_state(); } ? &initial_state : nullptr,
-  };
-  *plugin = &table;
-  return CLEAVE_OK;
+      static const cleave_plugin table{sizeof(cleave_plugin),
+                                       {CLEAVE_ABI_MAJOR, std::min<std::uint32_t>(CLEAVE_ABI_MINOR, host->abi.minor)},
+                                       &about,
+                                       &schema().abi(),
+                                       &kind_table,
+                                       &extension,
+                                       &create,
+                                       &destroy,
+                                       has_initial_state ? &initial_state : nullptr};
+      *plugin = &table;
+      return CLEAVE_OK;
     });
-    }
-    }
-    ;
+  }
+};
 
-    }  // namespace cleave::detail
+}  // namespace cleave::detail
 
-    /// Once per library, outside any namespace.
+/// Once per library, outside any namespace.
 #define CLEAVE_PLUGIN(Law)                                                                                            \
   extern "C" CLEAVE_EXPORT cleave_result cleave_plugin_entry(const cleave_host* host, const cleave_plugin** plugin) { \
     return cleave::detail::PluginOf<Law>::entry(host, plugin);                                                        \

@@ -1,9 +1,12 @@
 // Every check fails for a plugin that breaks its requirement, and for that alone: the matrix of checks and broken plugins.
 #include <cleave/testkit/runner.hpp>
 
+#include "kit/broken.hpp"
+
 #include <gtest/gtest.h>
 
 #include <algorithm>
+#include <cstdlib>
 #include <set>
 #include <sstream>
 #include <string>
@@ -12,11 +15,26 @@ namespace cleave::testkit {
 namespace {
 
 struct Defect {
-  const char *name, *what, *checks;
+  const char *group, *name, *what, *checks;
 };
 constexpr Defect defects[] = {
-#define DEFECT(name, what, checks) {#name, what, checks},
-#include "defects.def"
+#define DEFECT(name, what, checks) {"generic", #name, what, checks},
+#include "generic/defects.def"
+#undef DEFECT
+#define DEFECT(name, what, checks) {"elasticity", #name, what, checks},
+#include "elasticity/defects.def"
+#undef DEFECT
+#define DEFECT(name, what, checks) {"plasticity", #name, what, checks},
+#include "plasticity/defects.def"
+#undef DEFECT
+#define DEFECT(name, what, checks) {"damage", #name, what, checks},
+#include "damage/defects.def"
+#undef DEFECT
+#define DEFECT(name, what, checks) {"constraint", #name, what, checks},
+#include "constraint/defects.def"
+#undef DEFECT
+#define DEFECT(name, what, checks) {"discretization", #name, what, checks},
+#include "discretization/defects.def"
 #undef DEFECT
 };
 
@@ -30,18 +48,23 @@ std::set<std::string> words(const char* text) {
 class BrokenPlugin : public testing::TestWithParam<Defect> {};
 
 TEST_P(BrokenPlugin, FailsTheChecksOfItsDefectAndNoOthers) {
+  const Defect& defect = GetParam();
+  const bool generic = std::string(defect.group) == "generic";
   Options options;
-  options.library = std::string(CLEAVE_CONFORMANCE_FIXTURES) + "/" + GetParam().name + ".so";
-  options.time_limit = std::string(GetParam().name) == "hangs" ? 0.5 : 60;
+  options.library =
+      std::string(CLEAVE_CONFORMANCE_FIXTURES) + (generic ? "/" : "/broken_") + (generic ? defect.name : defect.group) + ".so";
+  options.time_limit = std::string(defect.name) == "hangs" ? 0.5 : 60;
+  setenv(CLEAVE_DEFECT_VARIABLE, defect.name, 1);
   const Report report = run_checks(options);
+  unsetenv(CLEAVE_DEFECT_VARIABLE);
   std::set<std::string> failed;
   for (const Result& result : report.results)
     if (result.verdict == Verdict::failed) failed.insert(result.check->id);
-  EXPECT_EQ(failed, words(GetParam().checks)) << GetParam().what << "\n" << to_table(report);
+  EXPECT_EQ(failed, words(defect.checks)) << defect.what << "\n" << to_table(report);
 }
 
 INSTANTIATE_TEST_SUITE_P(Conformance, BrokenPlugin, testing::ValuesIn(defects),
-                         [](const auto& info) { return std::string(info.param.name); });
+                         [](const auto& info) { return std::string(info.param.group) + "_" + info.param.name; });
 
 TEST(ConformanceChecks, EachIsFailedBySomeBrokenPlugin) {
   std::set<std::string> caught;

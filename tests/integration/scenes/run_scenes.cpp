@@ -124,6 +124,7 @@ TEST_F(Run, FailureNamesStepParticleAndPluginAndKeepsTheState) {
 
 TEST_F(Run, InterruptEndsTheRunInOrder) {
   write("scene.toml", small_scene);
+  // timeout sends the signal twice: to the program and to its group
   const Outcome run = cleave("run scene.toml --set simulation.end_time=1000", "timeout --preserve-status --signal=INT 3");
   EXPECT_EQ(run.status, 130) << run.err;
   EXPECT_EQ(json(directory / "out/scene/summary.json").get<std::string>("status"), "interrupted");

@@ -209,7 +209,7 @@ TEST(Discretization, StepsSavesAndRestoresThroughItsTable) {
   world.collide = [](void*, std::uint64_t count, const double*, double* v) {
     for (std::uint64_t i = 0; i < count; ++i) v[3 * i + 2] = 0.25;
   };
-  world.handle = [](void*, std::uint64_t, std::uint64_t, double*, double*) { return 0; };
+  world.handle = [](void*, std::uint64_t, std::uint32_t, std::uint64_t, double*, double*) { return 0; };
 
   std::vector<char> start(table.save(method.handle(), nullptr, 0));
   ASSERT_EQ(table.save(method.handle(), start.data(), start.size()), start.size());
