@@ -76,22 +76,9 @@ class MpmSimulation final : public Simulation {
     check_damage_step();
   }
 
-  void step(double target) override {
-    needs_sort_ = needs_sort_ || sorts_always_;
-    if (needs_sort_) sort();
-    const double dt = choose_step(target);
-    time_step_ = dt;
-    advance(dt);
-    if (target - (time_ + dt) < 1e-9 * dt)
-      time_ = target;
-    else
-      time_ += dt;
-    steps_++;
-  }
-
-  double time() const override { return time_; }
-  std::int64_t steps() const override { return steps_; }
+  Bound largest_step() override;
   std::int64_t particles() const override { return particle_count_; }
+  const std::vector<std::size_t>& held() const override { return held_; }
   const char* isa() const override { return load_kernels().isa; }
   const std::string& failed_batch() const override { return failed_batch_; }
 
@@ -104,7 +91,6 @@ class MpmSimulation final : public Simulation {
     for (int s = 0; s < stage_count; s++) r.emplace_back(stage_names[s], stage_seconds_[s]);
     return r;
   }
-  std::vector<std::pair<std::string, std::int64_t>> limits() const override { return {limits_.begin(), limits_.end()}; }
   std::vector<std::pair<std::string, double>> bytes_per_particle() const override;
   std::vector<output::PluginRecord> plugins() const override {
     std::map<std::string, output::PluginRecord> used;
@@ -129,7 +115,7 @@ class MpmSimulation final : public Simulation {
   };
 
   /// Damage of F_n first, then forces with it, then momentum and strain.
-  void advance(double dt) {
+  void advance(double dt) override {
     StepView view;
     view.time_step = dt;
     view.cell_size = cell_size_;
@@ -172,7 +158,6 @@ class MpmSimulation final : public Simulation {
   void check_damage_step();
   void populate();
   void sort();
-  double choose_step(double target);
   void measure_waves();
   void particles_to_grid(StepView&);
   void update_grid(const StepView&);
@@ -253,12 +238,11 @@ class MpmSimulation final : public Simulation {
   Buffer constants_;
   tbb::enumerable_thread_specific<Buffer> scratch_;
 
-  double time_ = 0, time_step_ = 0, maximum_speed_ = 0, wave_step_ = 0;
-  std::int64_t steps_ = 0, steps_at_measure_ = 0, waves_at_ = 0, particle_count_ = 0;
-  const char* limited_by_ = "";
+  std::vector<std::size_t> held_;  // particles of each handle
+  double maximum_speed_ = 0, wave_step_ = 0;
+  std::int64_t waves_at_ = 0, particle_count_ = 0;
   bool needs_sort_ = false;
   bool warned_unreliable_ = false, warned_damage_ = false;
-  std::map<std::string, std::int64_t> limits_;
   double stage_seconds_[stage_count] = {};
 };
 
@@ -273,7 +257,7 @@ void MpmSimulation<T, D>::populate() {
   std::vector<std::uint16_t> handle_of_id;
   std::vector<std::unique_ptr<scene::SignedDistance>> regions;
   for (const auto& h : scene_.handles) regions.push_back(scene::build_shape(h.region, cell_size_ / 2));
-  std::vector<std::size_t> handled(regions.size(), 0);
+  held_.assign(regions.size(), 0);
   std::uint32_t id = 0;
   for (const auto& body : bodies) {
     const auto& source = body.particles;
@@ -320,16 +304,13 @@ void MpmSimulation<T, D>::populate() {
         if (handle == Handles<T, D>::none && (scene_.handles[h].body.empty() || scene_.handles[h].body == body.name) &&
             regions[h]->distance(source.positions[i]) <= 0) {
           handle = std::uint16_t(h);
-          handled[h]++;
+          held_[h]++;
         }
       if (!regions.empty()) handle_of_id.push_back(handle);
     }
   }
   first_id_.push_back(id);
   particle_count_ = id;
-  for (std::size_t h = 0; h < handled.size(); h++)
-    if (!handled[h])
-      throw InputError(error_at(scene_.handles[h].where) + "handle '" + scene_.handles[h].name + "' holds no particle");
   handles_.assign(std::move(handle_of_id));
   for (std::size_t m = 0; m < materials_.size(); m++) {
     if (particles[m].empty()) continue;
@@ -424,7 +405,9 @@ void MpmSimulation<T, D>::measure_waves() {
 }
 
 template <class T, int D>
-double MpmSimulation<T, D>::choose_step(double target) {
+Bound MpmSimulation<T, D>::largest_step() {
+  needs_sort_ = needs_sort_ || sorts_always_;
+  if (needs_sort_) sort();
   const auto& sim = scene_.simulation;
   Bound bound{std::numeric_limits<double>::infinity(), "frame"};
   const auto consider = [&](double seconds, const char* name) {
@@ -445,14 +428,7 @@ double MpmSimulation<T, D>::choose_step(double target) {
       if (d) damage_step = std::min(damage_step, d->stable_step());
     consider(damage_step, "explicit damage");
   }
-  const double remaining = target - time_;
-  const double dt = equal_steps(remaining, bound.seconds);
-  limited_by_ = dt < 0.5 * bound.seconds ? "frame" : bound.name;
-  limits_[limited_by_]++;
-  if (!(dt > 0) || time_ + dt == time_)
-    throw SimulationError(fmt::format("step {} at t = {:.6g} s: the stable step has shrunk to {:.3g} s ({})", steps_, time_,
-                                      bound.seconds, bound.name));
-  return dt;
+  return bound;
 }
 
 // ------------------------------------------------------------------------------------------------- damage
@@ -794,11 +770,7 @@ std::vector<ParticleState> MpmSimulation<T, D>::state() const {
 template <class T, int D>
 output::FrameRecord MpmSimulation<T, D>::measure() {
   output::FrameRecord r;
-  r.time = time_;
-  r.steps = steps_ - steps_at_measure_;
-  steps_at_measure_ = steps_;
-  r.time_step = time_step_;
-  r.limited_by = limited_by_;
+  record_steps(r);
   r.minimum_J = std::numeric_limits<double>::infinity();
   r.maximum_J = -r.minimum_J;
   const double cell_volume = std::pow(cell_size_, D), inertia = cell_size_ * cell_size_ / 4;
@@ -907,7 +879,38 @@ std::vector<std::pair<std::string, double>> MpmSimulation<T, D>::bytes_per_parti
 
 }  // namespace
 
-std::unique_ptr<Simulation> Simulation::create(const config::Scene& scene, plugins::Registry& registry) {
+void Simulation::step(double target) {
+  const Bound bound = largest_step();
+  const double dt = equal_steps(target - time_, bound.seconds);
+  limited_by_ = dt < 0.5 * bound.seconds ? "frame" : bound.name;
+  limits_[limited_by_]++;
+  if (!(dt > 0) || time_ + dt == time_)
+    throw SimulationError(fmt::format("step {} at t = {:.6g} s: the stable step has shrunk to {:.3g} s ({})", steps_, time_,
+                                      bound.seconds, bound.name));
+  take_step(dt, target - (time_ + dt) < 1e-9 * dt ? target : time_ + dt);
+}
+
+void Simulation::take_step(double time_step, double end) {
+  time_step_ = time_step;
+  advance(time_step);
+  time_ = end;
+  steps_++;
+}
+
+void Simulation::record_steps(output::FrameRecord& record) {
+  record.time = time_;
+  record.steps = steps_ - std::exchange(steps_at_record_, steps_);
+  record.time_step = time_step_;
+  record.limited_by = limited_by_;
+}
+
+void check_handles(const config::Scene& scene, const std::vector<std::size_t>& held) {
+  for (std::size_t h = 0; h < held.size(); h++)
+    if (!held[h])
+      throw InputError(error_at(scene.handles[h].where) + "handle '" + scene.handles[h].name + "' holds no particle");
+}
+
+std::unique_ptr<Simulation> Simulation::create_part(const config::Scene& scene, plugins::Registry& registry) {
   if (const auto problems = unsupported(scene, registry); !problems.empty())
     throw InputError(fmt::format("{}", fmt::join(problems, "\n")));
   const bool single = scene.simulation.precision == config::Precision::single_precision;
@@ -917,6 +920,12 @@ std::unique_ptr<Simulation> Simulation::create(const config::Scene& scene, plugi
   }
   if (single) return std::make_unique<MpmSimulation<float, 3>>(scene, registry);
   return std::make_unique<MpmSimulation<double, 3>>(scene, registry);
+}
+
+std::unique_ptr<Simulation> Simulation::create(const config::Scene& scene, plugins::Registry& registry) {
+  auto simulation = create_part(scene, registry);
+  check_handles(scene, simulation->held());
+  return simulation;
 }
 
 }  // namespace cleave::mpm

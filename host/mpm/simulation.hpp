@@ -1,10 +1,12 @@
 #pragma once
 
 #include "config/scene.hpp"
+#include "mpm/time_step.hpp"
 #include "output/frame.hpp"
 #include "plugins/registry.hpp"
 
 #include <cstdint>
+#include <map>
 #include <memory>
 #include <string>
 #include <utility>
@@ -26,21 +28,31 @@ struct ParticleState {
   std::vector<double> state;             ///< components of the state variables
 };
 
-/// A scene in motion.
+/// A scene in motion. Frames end at instants that a whole number of equal steps reaches; what the steps are, and how large they
+/// may be, is the implementation's: the material point method here, several methods side by side in host/discretization.
 class Simulation {
  public:
   virtual ~Simulation() = default;
 
-  /// Loads the scene's plugins, samples its bodies and composes its materials. Throws InputError.
+  /// Loads the scene's plugins, samples its bodies and composes its materials; all of them are the material point method's.
+  /// Throws InputError.
   static std::unique_ptr<Simulation> create(const config::Scene&, plugins::Registry&);
+  /// The same for a part of a scene: its handles may hold none of these particles.
+  static std::unique_ptr<Simulation> create_part(const config::Scene&, plugins::Registry&);
 
   /// One step of the largest stable size, or less so that a whole number of equal steps ends at `target` (s).
   /// Throws SimulationError naming step, time, particle, body and plugin; the state then is the one that failed.
-  virtual void step(double target) = 0;
+  void step(double target);
+  /// The two halves of step(), for parts of a scene that take their steps together: the largest step from the present state
+  /// and what bounds it, then one step that is not larger; `end` is the time after it.
+  virtual Bound largest_step() = 0;
+  void take_step(double time_step, double end);
 
-  virtual double time() const = 0;
-  virtual std::int64_t steps() const = 0;
+  double time() const { return time_; }
+  std::int64_t steps() const { return steps_; }
   virtual std::int64_t particles() const = 0;
+  /// How many particles each handle of the scene holds.
+  virtual const std::vector<std::size_t>& held() const = 0;
 
   /// All particles by id, with the attributes the scene asks for.
   virtual output::ParticleFrame frame(int index) const = 0;
@@ -50,13 +62,31 @@ class Simulation {
   virtual output::FrameRecord measure() = 0;
 
   virtual std::vector<std::pair<std::string, double>> stage_seconds() const = 0;
-  virtual std::vector<std::pair<std::string, std::int64_t>> limits() const = 0;  ///< steps that each bound set
+  std::vector<std::pair<std::string, std::int64_t>> limits() const {  ///< steps that each bound set
+    return {limits_.begin(), limits_.end()};
+  }
   /// Bytes per particle: what is stored for each material and why, then index and grid; "total" last.
   virtual std::vector<std::pair<std::string, double>> bytes_per_particle() const = 0;
   virtual std::vector<output::PluginRecord> plugins() const = 0;
   virtual const char* isa() const = 0;
   /// After a step that failed: the points of the law that failed, as the JSON of write_batch; empty if none did.
   virtual const std::string& failed_batch() const = 0;
+
+ protected:
+  virtual void advance(double time_step) = 0;
+  /// Time, last step and what bounded it, and the number of steps since the last call.
+  void record_steps(output::FrameRecord&);
+
+  double time_ = 0, time_step_ = 0;
+  std::int64_t steps_ = 0;
+
+ private:
+  const char* limited_by_ = "";
+  std::int64_t steps_at_record_ = 0;
+  std::map<std::string, std::int64_t> limits_;
 };
+
+/// Throws InputError if a handle of the scene holds no particle.
+void check_handles(const config::Scene&, const std::vector<std::size_t>& held);
 
 }  // namespace cleave::mpm
