@@ -145,6 +145,28 @@ std::vector<std::vector<std::string>> required_keys(const cleave_schema& schema)
   return all;
 }
 
+std::vector<std::pair<std::string, Value>> switches(const cleave_schema& schema) {
+  std::vector<std::pair<std::string, Value>> all;
+  for (std::uint32_t i = 0; i < schema.parameter_count; ++i) {
+    const cleave_parameter_schema& p = *schema.parameters[i];
+    if (p.required || p.in_set) continue;
+    const Value preset = default_value(p);
+    if (p.type == CLEAVE_TYPE_TEXT)
+      for (std::uint32_t k = 0; k < p.choice_count; ++k)
+        if (const std::string choice = p.choices[k]; Value(choice) != preset) all.emplace_back(p.key, choice);
+    if (p.type == CLEAVE_TYPE_BOOLEAN) all.emplace_back(p.key, !std::get<bool>(preset));
+    if (p.needs[0] | p.needs[1]) {
+      Value on = typical_value(p, 0.5, 0);
+      if (auto* list = std::get_if<std::vector<double>>(&on)) {
+        const double element = list->empty() ? 1 : list->front();
+        list->assign(std::min(p.max_count, p.needs[1] ? 2u : 1u), element);
+      }
+      if (on != preset) all.emplace_back(p.key, on);
+    }
+  }
+  return all;
+}
+
 Range range_of(const cleave_parameter_schema& schema, double stress) {
   const std::string unit = schema.unit ? schema.unit : "";
   double low = schema.physical_minimum, high = schema.physical_maximum;

@@ -177,6 +177,11 @@ const std::vector<Settings>& Context::settings() {
       break;
     }
   if (settings_.empty()) skip("no parameters found that the law accepts, give them with --set (" + words + ")");
+  const Settings first = settings_.front();
+  for (const auto& [key, value] : switches(schema)) {
+    Settings candidate = first;
+    if (candidate.try_emplace(key, value).second && accepts(candidate, nullptr)) settings_.push_back(candidate);
+  }
   return settings_;
 }
 

@@ -180,6 +180,7 @@ static cleave_result refuse(cleave_message* message, const char* subject, const 
     strcpy(message->text, text);
     return CLEAVE_ERROR_PARAMETER;
   }
+  if (!IS(assumes_whole_message) && !CLEAVE_HAS(cleave_message, message, subject)) return CLEAVE_ERROR_PARAMETER;
   if (message->text_capacity) snprintf(message->text, message->text_capacity, "%s", text);
   if (message->subject_capacity) snprintf(message->subject, message->subject_capacity, "%s", IS(names_nothing) ? "" : subject);
   return CLEAVE_ERROR_PARAMETER;

@@ -113,6 +113,15 @@ void negotiates_version(Context& context) {
                  std::to_string(plugin->abi.major) + "." + std::to_string(plugin->abi.minor));
 }
 
+cleave_parameter unknown_parameter() {
+  cleave_parameter unknown{};
+  unknown.struct_size = sizeof unknown;
+  unknown.key = "no_such_parameter_in_any_plugin";
+  unknown.given = 1;
+  unknown.text = "";
+  return unknown;
+}
+
 /// Messages of every size, with a parameter that is refused.
 void cut_messages(Context& context) {
   const Plugin& plugin = context.plugin();
@@ -120,12 +129,7 @@ void cut_messages(Context& context) {
   const Material material(plugin.kind());
   for (std::uint32_t capacity : {1u, 2u, 7u, 32u}) {
     PackedParameters parameters(plugin.schema(), settings);
-    cleave_parameter unknown{};
-    unknown.struct_size = sizeof unknown;
-    unknown.key = "no_such_parameter_in_any_plugin";
-    unknown.given = 1;
-    unknown.text = "";
-    parameters.values().push_back(unknown);
+    parameters.values().push_back(unknown_parameter());
     parameters.refresh();
     char text[64], subject[64];
     std::memset(text, 0x5A, sizeof text);
@@ -184,7 +188,37 @@ void struct_sizes(Context& context) {
     context.doing("given larger elements of cleave_parameters");
     create(&list.known, &material.context, true);
   }
+  {
+    PackedParameters parameters(plugin.schema(), settings);
+    parameters.values().push_back(unknown_parameter());
+    parameters.refresh();
+    Words words;
+    words.message.struct_size = offsetof(cleave_message, subject_capacity);
+    const Truncated message(&words.message, words.message.struct_size);
+    cleave_instance* refused = nullptr;
+    context.doing("given a cleave_message that ends before `subject`");
+    plugin.table().create(parameters.get(), &material.context, &refused, static_cast<cleave_message*>(message.data()));
+    plugin.table().destroy(refused);
+  }
+  if (material.context.isochoric) {
+    cleave_isochoric_response response = material.response;
+    response.struct_size = offsetof(cleave_isochoric_response, bulk_modulus);
+    const Truncated seen(&response, response.struct_size);
+    cleave_context surroundings = material.context;
+    surroundings.isochoric = static_cast<const cleave_isochoric_response*>(seen.data());
+    const PackedParameters parameters(plugin.schema(), settings);
+    context.doing("given a cleave_isochoric_response that ends before `bulk_modulus`");
+    create(parameters.get(), &surroundings, false);
+  }
   const Instance instance(plugin, settings);
+  if (const auto* extension = static_cast<const cleave_isochoric_response_extension*>(
+          plugin.table().extension(CLEAVE_EXTENSION_ISOCHORIC_RESPONSE))) {
+    cleave_isochoric_response response{};
+    response.struct_size = offsetof(cleave_isochoric_response, bulk_modulus);
+    const Truncated seen(&response, response.struct_size);
+    context.doing("asked for a cleave_isochoric_response that ends before `bulk_modulus`");
+    extension->response(instance.handle(), static_cast<cleave_isochoric_response*>(seen.data()));
+  }
   if (plugin.kind() == damage_kind) {
     const auto& table = *static_cast<const cleave_damage*>(plugin.kind_table());
     cleave_damage_model model{};

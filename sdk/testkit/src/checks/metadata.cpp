@@ -184,25 +184,19 @@ void rejects(Context& context) {
   }
 }
 
-void independent_instances(Context& context) {
-  const Settings first = context.settings().front();
-  const auto second = context.settings_at(0.62);
-  if (first.empty() || !second) context.skip("no two sets of parameters");
+/// `a` keeps its bits while `b` is created, called and destroyed.
+void expect_independence(Context& context, const Settings& first, const Settings& second) {
   const Precision precision = precisions(context.plugin()).front();
-  Instance a(context.plugin(), first);
+  const Instance a(context.plugin(), first);
   Random random(context.seed());
-  const auto measure = measures(a).front();
-  const Request request = random_request(a, random, 32, measure);
+  const Request request = random_request(a, random, 32, measures(a).front());
   const Answer alone = evaluated(a, precision, request);
+  const std::string what = "a second instance with " + text(second) + " changes ";
   {
-    const Instance b(context.plugin(), *second);
-    Request other = request;
-    if (!b.initial_state().empty() && other.inputs.contains(CLEAVE_FIELD_STATE))
-      for (auto& state : other.inputs[CLEAVE_FIELD_STATE]) state = b.initial_state();
-    const std::string what = "a second instance with " + text(*second) + " changes ";
+    const Instance b(context.plugin(), second);
     if (const auto where = first_difference(alone, evaluated(a, precision, request)); !where.empty())
       context.fail(what + where + " of the first");
-    evaluated(b, precision, other);
+    evaluated(b, precision, random_request(b, random, 32, measures(b).front()));
     if (const auto where = first_difference(alone, evaluated(a, precision, request)); !where.empty())
       context.fail("a call of " + what + where + " of the first");
   }
@@ -210,21 +204,32 @@ void independent_instances(Context& context) {
     context.fail("destroying a second instance changes " + where + " of the first");
 }
 
+void independent_instances(Context& context) {
+  const std::vector<Settings>& all = context.settings();
+  const auto other = context.settings_at(0.62);
+  if (all.size() < 2 && (all.front().empty() || !other)) context.skip("no two sets of parameters");
+  if (other) expect_independence(context, all.front(), *other);
+  for (std::size_t i = 1; i < all.size(); ++i) {
+    expect_independence(context, all.front(), all[i]);
+    expect_independence(context, all[i], all.front());
+  }
+}
+
 /// Every output is finite, or the status says why not.
 void finite_or_said(Context& context, const Instance& instance, Random& random, const Settings& settings) {
-  for (const auto& measure : measures(instance)) {
-    const Precision precision = precisions(instance.plugin()).front();
-    const Answer answer = evaluated(instance, precision, random_request(instance, random, 8, measure));
-    for (std::uint32_t k = 0; k < answer.status.size(); ++k) {
-      if (answer.status[k] > CLEAVE_STATUS_FATAL)
-        context.fail("status " + std::to_string(answer.status[k]) + " does not exist; with " + text(settings));
-      if (answer.status[k] >= CLEAVE_STATUS_RETRY) continue;
-      for (const auto& [field, values] : answer.outputs)
-        for (double value : values[k])
-          if (!std::isfinite(value))
-            context.fail(std::string(name(field)) + " is not finite and no status says so, with " + text(settings));
+  for (const auto precision : precisions(instance.plugin()))
+    for (const auto& measure : measures(instance)) {
+      const std::string where = std::string(", in ") + name(precision) + " with " + text(settings);
+      const Answer answer = evaluated(instance, precision, random_request(instance, random, 8, measure));
+      for (std::uint32_t k = 0; k < answer.status.size(); ++k) {
+        if (answer.status[k] > CLEAVE_STATUS_FATAL)
+          context.fail("status " + std::to_string(answer.status[k]) + " does not exist" + where);
+        if (answer.status[k] >= CLEAVE_STATUS_RETRY) continue;
+        for (const auto& [field, values] : answer.outputs)
+          for (double value : values[k])
+            if (!std::isfinite(value)) context.fail(std::string(name(field)) + " is not finite and no status says so" + where);
+      }
     }
-  }
 }
 
 void parameter_space(Context& context) {

@@ -35,8 +35,8 @@ class Context {
   const Plugin& plugin();
   /// Unloads it again; the next call of plugin() opens it anew.
   void close() { plugin_.reset(); }
-  /// Parameters the law accepts: one for each choice among alternatives that some typical values satisfy. Throws Skipped if
-  /// there are none (which `metadata.parameter-space` reports).
+  /// Parameters the law accepts: one for each choice among alternatives that some typical values satisfy, then the first of
+  /// them with each of switches(). Throws Skipped if there are none (which `metadata.parameter-space` reports).
   const std::vector<Settings>& settings();
   /// Further ones with other values of the numbers: `place` as for typical_value(). Empty if the law refuses.
   std::optional<Settings> settings_at(double place);

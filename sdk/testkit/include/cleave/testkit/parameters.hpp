@@ -8,6 +8,7 @@
 #include <map>
 #include <optional>
 #include <string>
+#include <utility>
 #include <variant>
 #include <vector>
 
@@ -24,6 +25,9 @@ Settings read_settings(const cleave_schema&, const std::map<std::string, std::st
 
 /// For each choice among the alternatives: the keys that then have to be given.
 std::vector<std::vector<std::string>> required_keys(const cleave_schema&);
+
+/// Values of single optional parameters that make another law of it: every choice, flag and ability that is not the default.
+std::vector<std::pair<std::string, Value>> switches(const cleave_schema&);
 
 /// A value inside the range materials have, `place` in [0, 1] from its lower to its upper end; on a logarithmic scale where
 /// the range spans orders of magnitude, and inside the validity bounds. Numbers in "Pa" and "J/m^3" follow `stress` if it is
