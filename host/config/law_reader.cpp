@@ -14,7 +14,8 @@ using plugins::Kind;
 constexpr Kind all_kinds[] = {Kind::elasticity, Kind::plasticity, Kind::damage, Kind::constraint, Kind::discretization};
 
 std::string article(Kind kind) {
-  return std::string(kind == Kind::elasticity ? "an " : "a ") + plugins::name(kind) + (kind == Kind::constraint ? "" : " law");
+  const bool law = kind != Kind::constraint && kind != Kind::discretization;
+  return std::string(kind == Kind::elasticity ? "an " : "a ") + plugins::name(kind) + (law ? " law" : "");
 }
 
 std::vector<std::string> short_names(const std::vector<std::string>& ids) {

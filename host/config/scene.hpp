@@ -67,6 +67,7 @@ struct Material {
   double density = 0;  ///< kg/m^3
   PluginUse elasticity;
   std::optional<PluginUse> plasticity, damage, constraint;
+  std::optional<PluginUse> discretization;  ///< steps its bodies as a whole; there are no laws then
   std::optional<Fibers> fibers;
   Location where;
 };

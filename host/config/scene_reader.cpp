@@ -156,6 +156,7 @@ Simulation read_simulation(TableReader table) {
 struct ReadMaterial {
   Material material;
   bool has_damage = false;      ///< the file gives a damage law, usable or not
+  bool discretized = false;     ///< the file gives a discretization, usable or not
   bool fibers_refused = false;  ///< its own or a body's cannot be used
 };
 
@@ -171,6 +172,10 @@ std::optional<Fibers> read_fibers_of(TableReader& table, bool& refused) {
   return fibers;
 }
 
+void refuse_fibers(TableReader& table) {
+  for (const char* key : {"fibers", "fibres"}) table.refuse(key, "has no effect: a discretization plugin is not given fibers");
+}
+
 ReadMaterial read_material(TableReader table, Names& names) {
   ReadMaterial read;
   Material& material = read.material;
@@ -182,6 +187,15 @@ ReadMaterial read_material(TableReader table, Names& names) {
     auto reader = table.table(key, "'" + std::string(key) + "' of " + table.what());
     return reader ? read_law(std::move(*reader), kind) : std::nullopt;
   };
+  if (table.has("discretization")) {
+    read.discretized = true;
+    material.discretization = law(plugins::Kind::discretization);
+    for (const char* key : {"elasticity", "plasticity", "damage", "constraint"})
+      table.refuse(key, "cannot be given together with 'discretization', a plugin that steps the bodies as a whole");
+    refuse_fibers(table);
+    table.finish();
+    return read;
+  }
   if (table.require("elasticity", "a table as { plugin = \"split-neo-hookean\", ... }"))
     if (auto elasticity = law(plugins::Kind::elasticity)) material.elasticity = std::move(*elasticity);
   material.plasticity = law(plugins::Kind::plasticity);
@@ -260,14 +274,22 @@ Body read_body(TableReader table, Names& names, const Names& materials, std::vec
   read_sampling(table, body);
   if (const auto velocity = table.vector("velocity", {.unit = "m/s", .planar = true})) body.velocity = *velocity;
   if (auto spin = table.table("spin", "'spin' of " + table.what())) body.spin = read_spin(std::move(*spin));
+  const auto discretized = std::any_of(read_materials.begin(), read_materials.end(), [&](const ReadMaterial& read) {
+    return read.discretized && !body.material.empty() && read.material.name == body.material;
+  });
   bool fibers_refused = false;
-  body.fibers = read_fibers_of(table, fibers_refused);
+  if (discretized)
+    refuse_fibers(table);
+  else
+    body.fibers = read_fibers_of(table, fibers_refused);
   if (auto toughness = table.table("toughness", "'toughness' of " + table.what()))
     body.toughness = read_variation(std::move(*toughness));
   for (ReadMaterial& read : read_materials) {
     if (read.material.name != body.material || body.material.empty()) continue;
     read.fibers_refused = read.fibers_refused || fibers_refused;
-    if (!read.has_damage)
+    if (discretized)
+      table.refuse("toughness", "has no effect: a discretization plugin is not given a variation of the toughness");
+    else if (!read.has_damage)
       table.refuse("toughness", "varies the toughness of a damage law, which material '" + body.material +
                                     "' does not have; add to it: damage = { plugin = ... }");
   }
@@ -277,7 +299,7 @@ Body read_body(TableReader table, Names& names, const Names& materials, std::vec
 
 /// Whether the laws of a material work together, with the fibers that it or else all of its bodies have.
 void check_material(const ReadMaterial& read, const std::vector<Body>& bodies, Precision precision, ReadContext& context) {
-  if (read.fibers_refused) return;
+  if (read.fibers_refused || read.discretized) return;
   Material material = read.material;
   const Body* without = nullptr;
   const Body* with = nullptr;
@@ -323,6 +345,7 @@ Handle read_handle(TableReader table, Names& names, const std::string& fallback,
   return handle;
 }
 
+/// `known` empty: any words.
 std::optional<std::vector<std::string>> read_words(TableReader& table, std::string_view key,
                                                    const std::vector<std::string>& known) {
   const toml::node* node = table.find(key);
@@ -338,7 +361,7 @@ std::optional<std::vector<std::string>> read_words(TableReader& table, std::stri
     const Location where = locate(element.source());
     if (!word)
       table.error(where, "'" + std::string(key) + "' must be a list of texts, this is " + found(element));
-    else if (std::find(known.begin(), known.end(), word->get()) == known.end())
+    else if (!known.empty() && std::find(known.begin(), known.end(), word->get()) == known.end())
       table.error(where, "unknown name \"" + word->get() + "\" in '" + std::string(key) + "'" +
                              suggestion(word->get(), known, "; there are: " + list_text(known)));
     else if (std::find(words.begin(), words.end(), word->get()) != words.end())
@@ -350,8 +373,10 @@ std::optional<std::vector<std::string>> read_words(TableReader& table, std::stri
 }
 
 /// Quantities a frame can hold beyond ids and velocities. Particles carry b where every law of their strain works on it, else
-/// F.
+/// F. Empty if they are not known: the point fields of a discretization are its instance's.
 std::vector<std::string> output_attributes(const Scene& scene, const PluginCatalog& catalog) {
+  const auto discretized = [](const Material& material) { return bool(material.discretization); };
+  if (std::any_of(scene.materials.begin(), scene.materials.end(), discretized)) return {};
   std::vector<std::string> names = {"J", "C"};
   const auto add = [&](const std::string& name) {
     if (std::find(names.begin(), names.end(), name) == names.end()) names.push_back(name);

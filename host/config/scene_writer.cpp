@@ -214,8 +214,12 @@ void write_simulation(std::ostream& out, const Simulation& simulation) {
 void write_material(std::ostream& out, const Material& material, const PluginCatalog& catalog) {
   out << "\n[[material]]\n"
       << "name = " << quoted(material.name) << "\n"
-      << "density = " << number(material.density) << "  # kg/m^3\n"
-      << "elasticity = " << law_text(material.elasticity, catalog) << "\n";
+      << "density = " << number(material.density) << "  # kg/m^3\n";
+  if (material.discretization) {
+    out << "discretization = " << law_text(*material.discretization, catalog) << "\n";
+    return;
+  }
+  out << "elasticity = " << law_text(material.elasticity, catalog) << "\n";
   if (material.plasticity) out << "plasticity = " << law_text(*material.plasticity, catalog) << "\n";
   if (material.damage) out << "damage = " << law_text(*material.damage, catalog) << "\n";
   if (material.constraint) out << "constraint = " << law_text(*material.constraint, catalog) << "\n";

@@ -152,6 +152,7 @@ void Material::check_damage_model(const config::Material& m) const {
 std::vector<std::string> unsupported(const config::Scene& scene, const plugins::Registry& registry) {
   std::vector<std::string> problems;
   for (const auto& m : scene.materials) {
+    if (m.discretization) continue;
     const auto problem = [&](const config::Location& where, const std::string& what) {
       problems.push_back(error_at(where) + "material '" + m.name + "': " + what);
     };

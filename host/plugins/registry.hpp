@@ -3,6 +3,7 @@
 #include "plugins/schema.hpp"
 
 #include <cleave/damage.h>
+#include <cleave/discretization.h>
 #include <cleave/elasticity.h>
 #include <cleave/plasticity.h>
 
@@ -57,6 +58,9 @@ class Instance {
   const cleave_elasticity& elasticity() const { return *static_cast<const cleave_elasticity*>(plugin_->kind_table()); }
   const cleave_plasticity& plasticity() const { return *static_cast<const cleave_plasticity*>(plugin_->kind_table()); }
   const cleave_damage& damage() const { return *static_cast<const cleave_damage*>(plugin_->kind_table()); }
+  const cleave_discretization& discretization() const {
+    return *static_cast<const cleave_discretization*>(plugin_->kind_table());
+  }
 
   /// Initial value of every state component, in the order of the schema.
   std::vector<double> initial_state() const;
