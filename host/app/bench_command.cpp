@@ -81,7 +81,10 @@ void add_bench_options(CLI::App& cli, BenchOptions& options) {
   cli.add_option("--repeats", options.repeats, "Samples of which the median is taken")
       ->check(CLI::Range(1, 100000))
       ->capture_default_str();
-  cli.add_option("--plugin", options.plugins, "Measure this plugin (repeatable; default: all)")->allow_extra_args(false);
+  auto* named = cli.add_option("plugins", options.plugins, "Measure these plugins, and compare them with the first of them");
+  cli.add_option("--plugin", options.plugins, "The same, one at a time (repeatable; default: all)")
+      ->allow_extra_args(false)
+      ->excludes(named);
   cli.add_option("--elasticity", options.elasticity, "Elastic law that return mappings and damage laws are paired with");
   cli.add_option("--set", options.sets, "Parameter of a law: ID.PARAMETER=VALUE (repeatable)")->allow_extra_args(false);
   cli.add_option("--json", options.json, "Also write the numbers to this file");

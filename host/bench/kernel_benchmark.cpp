@@ -253,6 +253,11 @@ class Measurement {
         if (wanted(id)) attempt(id, [&] { kind == Kind::plasticity ? add_plastic(id) : add_damage(id); });
     sample();
     std::erase_if(results_.kernels, [](const Kernel& kernel) { return !kernel.single && !kernel.doubled; });
+    const auto place = [this](const Kernel& kernel) {
+      return std::find(options_.plugins.begin(), options_.plugins.end(), kernel.id) - options_.plugins.begin();
+    };
+    std::stable_sort(results_.kernels.begin(), results_.kernels.end(),
+                     [&](const Kernel& a, const Kernel& b) { return place(a) < place(b); });
     return std::move(results_);
   }
 

@@ -13,7 +13,7 @@ namespace cleave::bench {
 struct KernelOptions {
   std::size_t points = 256;          ///< per call
   int repeats = 25;                  ///< samples of which the median is taken
-  std::vector<std::string> plugins;  ///< IDs to measure; empty: all elasticity, plasticity and damage laws
+  std::vector<std::string> plugins;  ///< IDs to measure, in this order; empty: all elasticity, plasticity, damage laws
   std::string elasticity;            ///< ID of the law that the others are paired with; empty: chosen from the registry
   std::map<std::string, plugins::GivenParameters> parameters;  ///< by ID; what is not given is chosen from the schema
 };

@@ -23,6 +23,17 @@ std::string number_cell(const std::optional<Timing>& timing) {
   return timing ? fmt::format("{:.2f}", timing->median) : std::string("-");
 }
 
+/// What the others are compared with: the plugin named first, under the same condition.
+const Kernel* reference(const KernelOptions& options, const KernelResults& results, const Kernel& kernel) {
+  for (const Kernel& other : results.kernels)
+    if (other.id == options.plugins.front() && other.condition == kernel.condition) return &other;
+  return nullptr;
+}
+
+std::string ratio_cell(const std::optional<Timing>& timing, const std::optional<Timing>& first) {
+  return timing && first ? fmt::format("{:.2f}", timing->median / first->median) : std::string("-");
+}
+
 toml::table to_json(const Timing& timing) { return toml::table{{"median_ns", timing.median}, {"fastest_ns", timing.fastest}}; }
 
 toml::table to_json(const plugins::GivenParameters& parameters) {
@@ -107,12 +118,19 @@ class TemporaryFile {
 std::string table_text(const KernelOptions& options, const KernelResults& results) {
   std::size_t width = 0;
   for (const Kernel& kernel : results.kernels) width = std::max(width, label(kernel).size());
+  const bool compared = options.plugins.size() > 1;
   std::string text =
-      fmt::format("nanoseconds per point, one thread, {} points per call, median of {}\n\n{:<{}}  {:>8}  {:>8}\n",
-                  options.points, options.repeats, "", width, "single", "double");
+      fmt::format("nanoseconds per point, one thread, {} points per call, median of {}\n\n{:<{}}  {:>8}  {:>8}{}\n",
+                  options.points, options.repeats, "", width, "single", "double", compared ? "     x of the first" : "");
   for (const Kernel& kernel : results.kernels) {
-    text += fmt::format("{:<{}}  {:>8}  {:>8}  {}", label(kernel), width, number_cell(kernel.single),
-                        number_cell(kernel.doubled), kernel.isa);
+    text +=
+        fmt::format("{:<{}}  {:>8}  {:>8}  ", label(kernel), width, number_cell(kernel.single), number_cell(kernel.doubled));
+    if (compared) {
+      const Kernel* first = reference(options, results, kernel);
+      text += fmt::format("{:>8}  {:>8}  ", ratio_cell(kernel.single, first ? first->single : std::nullopt),
+                          ratio_cell(kernel.doubled, first ? first->doubled : std::nullopt));
+    }
+    text += kernel.isa;
     if (!kernel.elasticity.empty()) text += ", with " + kernel.elasticity;
     text += '\n';
   }

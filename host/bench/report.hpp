@@ -6,6 +6,7 @@
 
 namespace cleave::bench {
 
+/// Where several plugins were named, each is also compared with the first of them, condition by condition.
 std::string table_text(const KernelOptions&, const KernelResults&);
 std::string json_text(const KernelOptions&, const KernelResults&);
 

@@ -72,7 +72,7 @@ class BenchKernels : public ::testing::Test {
 };
 
 TEST_F(BenchKernels, ElasticLawsAreMeasuredInBothPrecisionsAndWithOptionalFibers) {
-  const auto results = measure({"elasticity/qr", "elasticity/fixed-corotated"});
+  const auto results = measure({"elasticity/fixed-corotated", "elasticity/qr"});
   EXPECT_TRUE(results.skipped.empty()) << results.skipped[0].reason;
   ASSERT_EQ(results.kernels.size(), 3u);
   const auto &corotated = results.kernels[0], &qr = results.kernels[1], &fibrous = results.kernels[2];
@@ -107,6 +107,41 @@ TEST_F(BenchKernels, DamageLawsAreDrivenByWhatTheElasticLawGives) {
   ASSERT_EQ(results.kernels.size(), 4u) << (results.skipped.empty() ? "" : results.skipped[0].reason);
   EXPECT_EQ(results.kernels[0].condition, "near rest");
   EXPECT_EQ(results.kernels[1].condition, "loaded");
+}
+
+TEST_F(BenchKernels, NamedPluginsComeInTheirOrderAndAreComparedWithTheFirst) {
+  const auto results = measure({"elasticity/split-neo-hookean", "elasticity/qr", "elasticity/fixed-corotated"});
+  ASSERT_EQ(results.kernels.size(), 4u);
+  EXPECT_EQ(results.kernels[0].id, "elasticity/split-neo-hookean");
+  EXPECT_EQ(results.kernels[1].id, "elasticity/qr");
+  EXPECT_EQ(results.kernels[3].id, "elasticity/fixed-corotated");
+
+  const auto kernel = [](const char* id, const char* condition, double single, std::optional<bench::Timing> doubled) {
+    return Kernel{.id = id,
+                  .condition = condition,
+                  .elasticity = "",
+                  .isa = "baseline",
+                  .parameters = {},
+                  .yielding = {},
+                  .single = bench::Timing{single, single},
+                  .doubled = doubled};
+  };
+  const bench::KernelResults timed{
+      .kernels = {kernel("a/b", "stress", 2, bench::Timing{4, 4}), kernel("a/c", "stress", 5, bench::Timing{3, 3}),
+                  kernel("a/d", "stress", 1, std::nullopt), kernel("a/d", "other", 1, {})},
+      .skipped = {}};
+  const auto table = [&](std::vector<std::string> plugins) {
+    const std::string text = bench::table_text(brief(std::move(plugins)), timed);
+    return text.substr(text.find("\n\n") + 2);
+  };
+  EXPECT_EQ(table({"a/b", "a/c", "a/d"}),
+            "               single    double     x of the first\n"
+            "a/b: stress      2.00      4.00      1.00      1.00  baseline\n"
+            "a/c: stress      5.00      3.00      2.50      0.75  baseline\n"
+            "a/d: stress      1.00         -      0.50         -  baseline\n"
+            "a/d: other       1.00         -         -         -  baseline\n");
+  EXPECT_EQ(table({}).find("of the first"), std::string::npos);
+  EXPECT_EQ(table({"a/b"}).find("of the first"), std::string::npos);
 }
 
 TEST_F(BenchKernels, WhatCannotBeMeasuredIsSaid) {
