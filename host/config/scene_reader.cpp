@@ -372,8 +372,8 @@ std::optional<std::vector<std::string>> read_words(TableReader& table, std::stri
   return words;
 }
 
-/// Quantities a frame can hold beyond ids and velocities. Particles carry b where every law of their strain works on it, else
-/// F. Empty if they are not known: the point fields of a discretization are its instance's.
+/// Quantities a frame can hold beyond ids and velocities. Particles carry b where every law works on it and nothing constrains
+/// them, else F. Empty if they are not known: the point fields of a discretization are its instance's.
 std::vector<std::string> output_attributes(const Scene& scene, const PluginCatalog& catalog) {
   const auto discretized = [](const Material& material) { return bool(material.discretization); };
   if (std::any_of(scene.materials.begin(), scene.materials.end(), discretized)) return {};
@@ -390,8 +390,9 @@ std::vector<std::string> output_attributes(const Scene& scene, const PluginCatal
       const auto* law = use ? catalog.find(use->id) : nullptr;
       if (!law) continue;
       for (const plugins::State& state : law->states) add(state.name);
-      const bool moves_strain = law->kind == plugins::Kind::elasticity || law->kind == plugins::Kind::plasticity;
-      if (moves_strain && !law->can(CLEAVE_ACCEPTS_B)) stores_b = false;
+      const std::uint64_t capabilities = law->capabilities_with(use->parameters);
+      const bool needs_F = (capabilities & (CLEAVE_ACCEPTS_B | CLEAVE_ACCEPTS_F)) == CLEAVE_ACCEPTS_F;
+      if (needs_F || law->kind == plugins::Kind::constraint) stores_b = false;
     }
     add(stores_b ? "b" : "F");
   }

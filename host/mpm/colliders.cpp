@@ -64,13 +64,14 @@ void Colliders<T, D>::prepare(const Grid<T, D>& grid) {
 }
 
 template <class T, int D>
-void Colliders<T, D>::apply(Grid<T, D>& grid, double time) const {
+void Colliders<T, D>::apply(Grid<T, D>& grid, double time, std::vector<HeldNode>* held) const {
   for (const auto& c : colliders_) {
     const bool at_rest = c.spec.motion.at_rest();
     const auto pose = at_rest ? scene::RigidMotion::Pose{} : c.spec.motion.at(time);
     std::vector<Contact> moving;
     if (!at_rest) moving = find_contacts(grid, c, pose);
     const auto& contacts = at_rest ? c.at_rest : moving;
+    std::vector<std::uint8_t> holds(held ? contacts.size() : 0, 0);
     tbb::parallel_for(tbb::blocked_range<std::size_t>(0, contacts.size(), 512), [&](const auto& range) {
       for (std::size_t i = range.begin(); i < range.end(); i++) {
         T* node = grid.node(contacts[i].node);
@@ -81,10 +82,16 @@ void Colliders<T, D>::apply(Grid<T, D>& grid, double time) const {
           wall = pose.velocity_at(grid.node_coordinates(contacts[i].node).template cast<double>() * cell_size_);
           if constexpr (D == 2) wall.z() = 0;
         }
+        if (held)
+          holds[i] = c.spec.contact != config::Contact::separate || contacts[i].normal.isZero() ||
+                     (v - wall).dot(contacts[i].normal) < 0;
         v = resolve_contact(c.spec.contact, c.spec.friction, contacts[i].normal, wall, v);
         for (int a = 0; a < D; a++) node[1 + a] = T(v[a]);
       }
     });
+    const bool sticky = c.spec.contact == config::Contact::sticky;
+    for (std::size_t i = 0; i < holds.size(); i++)
+      if (holds[i]) held->push_back({contacts[i].node, sticky ? Vector3(Vector3::Zero()) : contacts[i].normal});
   }
 }
 

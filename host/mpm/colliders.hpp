@@ -16,6 +16,12 @@ namespace cleave::mpm {
 Vector3 resolve_contact(config::Contact, double friction, const Vector3& normal, const Vector3& collider_velocity,
                         const Vector3& v);
 
+/// A grid node whose velocity is prescribed along `normal`, altogether where that is zero.
+struct HeldNode {
+  std::size_t node;
+  Vector3 normal;
+};
+
 /// Boundary conditions of the scene's colliders on the grid velocities.
 template <class T, int D>
 class Colliders {
@@ -24,8 +30,9 @@ class Colliders {
 
   /// Finds the nodes inside colliders at rest; call whenever the grid was rebuilt.
   void prepare(const Grid<T, D>&);
-  /// Corrects velocities after the grid update; `time` is the end of the step.
-  void apply(Grid<T, D>&, double time) const;
+  /// Corrects velocities after the grid update; `time` is the end of the step. Adds the nodes they hold to `held` if that is
+  /// given: all of sticky and slip contacts, of the others those that moved inwards.
+  void apply(Grid<T, D>&, double time, std::vector<HeldNode>* held = nullptr) const;
   /// Fastest speed (m/s) of a moving collider's surface near the scene, for the step size.
   double maximum_speed(double time) const;
 

@@ -28,7 +28,8 @@ void Handles<T, D>::prepare(const std::vector<Particles<T, D>*>& sets) {
 
 template <class T, int D>
 void Handles<T, D>::apply(Grid<T, D>& grid, const std::vector<const Particles<T, D>*>& sets,
-                          const std::vector<double>& densities, double time, double time_step) {
+                          const std::vector<double>& densities, double time, double time_step,
+                          std::vector<HeldNode>* held_nodes) {
   constexpr int edge = GridShape<D>::block_edge, nodes = GridShape<D>::block_nodes, last = D == 3 ? 3 : 1;
   mass_.resize(grid.nodes(), 0.f);
   for (std::uint16_t h = 0; h < handles_.size(); h++) {
@@ -71,6 +72,7 @@ void Handles<T, D>::apply(Grid<T, D>& grid, const std::vector<const Particles<T,
       const Vector3 x = grid.node_coordinates(n).template cast<double>() * cell_size_;
       const Vector3 v = (after.to_world(before.to_scene(x)) - x) / time_step;
       for (int a = 0; a < D; a++) node[1 + a] = T(v[a]);
+      if (held_nodes) held_nodes->push_back({n, Vector3::Zero()});
     }
   }
 }

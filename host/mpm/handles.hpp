@@ -1,6 +1,7 @@
 #pragma once
 
 #include "config/scene.hpp"
+#include "mpm/colliders.hpp"
 #include "mpm/grid.hpp"
 #include "mpm/particles.hpp"
 
@@ -24,9 +25,10 @@ class Handles {
 
   /// Finds the handles' particles again; call whenever particles were sorted.
   void prepare(const std::vector<Particles<T, D>*>&);
-  /// After the grid update: prescribes node velocities for the step from `time` to `time + time_step`.
+  /// After the grid update: prescribes node velocities for the step from `time` to `time + time_step`, and adds those nodes to
+  /// `held` if that is given.
   void apply(Grid<T, D>&, const std::vector<const Particles<T, D>*>&, const std::vector<double>& densities, double time,
-             double time_step);
+             double time_step, std::vector<HeldNode>* held = nullptr);
   /// After the transfer back: puts the handles' particles where they have to be. Returns true if one left its block's slack.
   bool move(const std::vector<Particles<T, D>*>&, const std::vector<std::vector<Vector3>>& positions_before, double time,
             double time_step) const;

@@ -67,9 +67,11 @@ Material::Material(const config::Material& m, plugins::Registry& registry, int d
       elasticity_(instantiate(registry, m.elasticity, {dimension, cell_size, m.density})),
       plasticity_(instantiate(registry, m.plasticity, {dimension, cell_size, m.density}, elasticity_)),
       damage_(instantiate(registry, m.damage, {dimension, cell_size, m.density}, elasticity_)),
+      constraint_(instantiate(registry, m.constraint, {dimension, cell_size, m.density}, elasticity_)),
       layout_({.dimension = dimension,
-               .stores_b = accepts_b(elasticity_) && accepts_b(plasticity_) && accepts_b(damage_),
-               .fibers = std::max({fibers_needed(elasticity_), fibers_needed(plasticity_), fibers_needed(damage_)}),
+               .stores_b = accepts_b(elasticity_) && accepts_b(plasticity_) && accepts_b(damage_) && !constraint_,
+               .fibers = std::max({fibers_needed(elasticity_), fibers_needed(plasticity_), fibers_needed(damage_),
+                                   fibers_needed(constraint_)}),
                .state_components = state_components(plasticity_) + state_components(damage_),
                .damage = bool(damage_),
                .toughness = toughness}),
@@ -156,9 +158,6 @@ std::vector<std::string> unsupported(const config::Scene& scene, const plugins::
     const auto problem = [&](const config::Location& where, const std::string& what) {
       problems.push_back(error_at(where) + "material '" + m.name + "': " + what);
     };
-    if (m.constraint)
-      problem(m.constraint->where,
-              "a scene can use elasticity, plasticity and damage laws; " + m.constraint->id + " is of kind constraint");
     struct Law {
       const config::PluginUse* use;
       const plugins::Description* description;
@@ -169,7 +168,7 @@ std::vector<std::string> unsupported(const config::Scene& scene, const plugins::
       if (const auto* law = use ? registry.find(use->id) : nullptr)
         laws.push_back({use, law, law->capabilities_with(use->parameters)});
     constexpr std::uint64_t any_strain = CLEAVE_ACCEPTS_B | CLEAVE_ACCEPTS_F;
-    const plugins::Description* needs_F = nullptr;
+    const plugins::Description* needs_F = m.constraint ? registry.find(m.constraint->id) : nullptr;
     for (const auto& law : laws)
       if ((law.capabilities & any_strain) == CLEAVE_ACCEPTS_F) needs_F = law.description;
     for (const auto& law : laws)

@@ -27,6 +27,7 @@ class Material {
   const plugins::Instance& elasticity() const { return elasticity_; }
   const plugins::Instance& plasticity() const { return plasticity_; }
   const plugins::Instance& damage() const { return damage_; }
+  const plugins::Instance& constraint() const { return constraint_; }
   /// Of a material with a damage law.
   const cleave_damage_model& damage_model() const { return damage_model_; }
   /// Names and components of the stored state variables, in order: of the plasticity law, then of the damage law.
@@ -61,7 +62,7 @@ class Material {
   std::string name_;
   double density_;
   int dimension_;
-  plugins::Instance elasticity_, plasticity_, damage_;
+  plugins::Instance elasticity_, plasticity_, damage_, constraint_;
   cleave_damage_model damage_model_{};
   std::vector<plugins::State> states_;
   bool detects_inversion_ = false, has_damage_inputs_ = false;

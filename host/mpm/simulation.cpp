@@ -3,6 +3,7 @@
 #include "common/error.hpp"
 #include "mpm/bodies.hpp"
 #include "mpm/colliders.hpp"
+#include "mpm/constraints.hpp"
 #include "mpm/damage.hpp"
 #include "mpm/grid.hpp"
 #include "mpm/handles.hpp"
@@ -29,9 +30,18 @@ namespace {
 
 using Clock = std::chrono::steady_clock;
 
-enum Stage { sort_stage, damage_stage, to_grid_stage, grid_stage, to_particles_stage, bound_stage, stage_count };
+enum Stage {
+  sort_stage,
+  damage_stage,
+  to_grid_stage,
+  grid_stage,
+  constraint_stage,
+  to_particles_stage,
+  bound_stage,
+  stage_count
+};
 constexpr const char* stage_names[stage_count] = {
-    "sort", "damage", "particles to grid", "grid update", "grid to particles", "step bounds"};
+    "sort", "damage", "particles to grid", "grid update", "constraint", "grid to particles", "step bounds"};
 
 /// Elastic waves are measured every this many steps: they change by fractions of a percent from step to step, and the CFL
 /// number leaves a factor of two.
@@ -88,14 +98,15 @@ class MpmSimulation final : public Simulation {
 
   std::vector<std::pair<std::string, double>> stage_seconds() const override {
     std::vector<std::pair<std::string, double>> r;
-    for (int s = 0; s < stage_count; s++) r.emplace_back(stage_names[s], stage_seconds_[s]);
+    for (int s = 0; s < stage_count; s++)
+      if (s != constraint_stage || constraints_) r.emplace_back(stage_names[s], stage_seconds_[s]);
     return r;
   }
   std::vector<std::pair<std::string, double>> bytes_per_particle() const override;
   std::vector<output::PluginRecord> plugins() const override {
     std::map<std::string, output::PluginRecord> used;
     for (const auto& m : materials_)
-      for (const auto* law : {&m->elasticity(), &m->plasticity(), &m->damage()})
+      for (const auto* law : {&m->elasticity(), &m->plasticity(), &m->damage(), &m->constraint()})
         if (*law) {
           const auto& d = law->description();
           used[d.id] = {d.id, d.version, law->plugin().path().string()};
@@ -138,6 +149,7 @@ class MpmSimulation final : public Simulation {
       evolve_damage(dt);
       particles_to_grid(view);
       update_grid(view);
+      if (constraints_) apply_constraints(dt);
       grid_to_particles(view);
     }
   }
@@ -161,6 +173,7 @@ class MpmSimulation final : public Simulation {
   void measure_waves();
   void particles_to_grid(StepView&);
   void update_grid(const StepView&);
+  void apply_constraints(double dt);
   void grid_to_particles(const StepView&);
   static const plugins::Instance& failed_law(const Material& m, const BlockReport& r) {
     return r.failed == LawKind::damage ? m.damage() : r.failed == LawKind::plasticity ? m.plasticity() : m.elasticity();
@@ -235,6 +248,8 @@ class MpmSimulation final : public Simulation {
   Grid<T, D> grid_;
   Colliders<T, D> colliders_;
   Handles<T, D> handles_;
+  std::unique_ptr<Constraints<T, D>> constraints_;  // null if no material has one
+  std::vector<HeldNode> held_nodes_;                // in this step, kept for constraints only
   Buffer constants_;
   tbb::enumerable_thread_specific<Buffer> scratch_;
 
@@ -317,6 +332,10 @@ void MpmSimulation<T, D>::populate() {
     sets_.push_back(std::make_unique<Set>(materials_[m]->layout()));
     set_material_.push_back(m);
     sets_.back()->assign(particles[m], states[m], fibers[m]);
+    if (materials_[m]->constraint()) {
+      if (!constraints_) constraints_ = std::make_unique<Constraints<T, D>>(cell_size_, reference_density_);
+      constraints_->add(materials_[m]->constraint(), sets_.size() - 1);
+    }
     damage_.push_back(nullptr);
     if (materials_[m]->damage()) {
       damage_.back() =
@@ -528,12 +547,27 @@ void MpmSimulation<T, D>::update_grid(const StepView& step) {
   for (int a = 0; a < 3; a++) change[a] = a < D ? T(scene_.simulation.gravity[a] * step.time_step) : T(0);
   tbb::parallel_for(tbb::blocked_range<std::size_t>(0, grid_.blocks(), 64),
                     [&](const auto& range) { kernels_.grid_update(grid_.data(), range.begin(), range.end(), change); });
+  std::vector<HeldNode>* const held = constraints_ ? &held_nodes_ : nullptr;
+  held_nodes_.clear();
   if (handles_.any()) {
     std::vector<double> densities;
     for (auto m : set_material_) densities.push_back(materials_[m]->density() / reference_density_);
-    handles_.apply(grid_, std::as_const(*this).sets(), densities, time_, step.time_step);
+    handles_.apply(grid_, std::as_const(*this).sets(), densities, time_, step.time_step, held);
   }
-  colliders_.apply(grid_, time_ + step.time_step);
+  colliders_.apply(grid_, time_ + step.time_step, held);
+}
+
+template <class T, int D>
+void MpmSimulation<T, D>::apply_constraints(double dt) {
+  Timer timer(*this, constraint_stage);
+  try {
+    constraints_->project(grid_, std::as_const(*this).sets(), held_nodes_, dt);
+  } catch (const SimulationError& e) {
+    throw SimulationError(
+        fmt::format("step {} at t = {:.6g} s, dt = {:.3g} s, constraint: {}", steps_, time_, time_step_, e.what()));
+  }
+  // A constraint may push what was about to leave a collider into it.
+  colliders_.apply(grid_, time_ + dt);
 }
 
 template <class T, int D>
@@ -850,6 +884,11 @@ output::FrameRecord MpmSimulation<T, D>::measure() {
   if (rest_volume > 0) r.damaged_fraction = damaged / rest_volume;
   if (solves) r.damage_iterations = double(iterations) / double(solves);
   r.damage_active = active / double(particle_count_);
+  if (constraints_) {
+    const auto statistics = constraints_->take_statistics();
+    if (statistics.projections) r.constraint_iterations = double(statistics.iterations) / double(statistics.projections);
+    r.constraint_residual = statistics.largest_residual;
+  }
   if (unconverged && !std::exchange(warned_damage_, true))
     spdlog::warn(
         "t = {:.6g} s: {} implicit solves of damage stopped after {} iterations short of simulation.damage.tolerance; "
@@ -869,6 +908,11 @@ std::vector<std::pair<std::string, double>> MpmSimulation<T, D>::bytes_per_parti
     for (const auto& part : sets_[k]->layout().parts) {
       const double bytes = double(part.components) * sizeof(T);
       parts.emplace_back(prefix + part.name, bytes);
+      total += bytes * double(sets_[k]->size()) / n;
+    }
+    if (materials_[set_material_[k]]->constraint()) {
+      const auto bytes = double(Constraints<T, D>::bytes_per_particle(sets_[k]->layout()));
+      parts.emplace_back(prefix + "for the constraint, in double", bytes);
       total += bytes * double(sets_[k]->size()) / n;
     }
   }

@@ -1,0 +1,221 @@
+#include "mpm/constraints.hpp"
+
+#include "common/error.hpp"
+
+#include <cleave/constraint.h>
+
+#include <fmt/format.h>
+#include <tbb/parallel_for.h>
+
+#include <Eigen/LU>
+#include <algorithm>
+#include <cmath>
+#include <limits>
+
+namespace cleave::mpm {
+
+namespace {
+constexpr std::uint32_t no_row = ~0u;
+/// More than what is lost of a position, in cells, at the farthest block.
+constexpr double position_rounding = 4e-9;
+
+enum Prescribed : std::uint8_t { free_node = 0, fixed_velocity = 1, fixed_along_normal = 2 };
+}  // namespace
+
+template <class T, int D>
+std::size_t Constraints<T, D>::bytes_per_particle(const TileLayout& layout) {
+  const int numbers = D + 1 + 9 + (layout.fiber ? 3 : 0) + D * D;
+  return std::size_t(numbers) * sizeof(double) + stencil * sizeof(std::uint64_t);
+}
+
+template <class T, int D>
+void Constraints<T, D>::project(Grid<T, D>& grid, const std::vector<const Particles<T, D>*>& sets,
+                                const std::vector<HeldNode>& held, double time_step) {
+  collect_nodes(grid);
+  mark(held);
+  for (const auto& law : laws_) {
+    collect_particles(*sets[law.set]);
+    call(*law.instance, time_step);
+  }
+  write_back(grid);
+}
+
+template <class T, int D>
+void Constraints<T, D>::collect_nodes(const Grid<T, D>& grid) {
+  constexpr std::size_t block_nodes = Grid<T, D>::block_nodes;
+  row_of_node_.resize(grid.nodes());
+  std::vector<std::size_t> first(grid.blocks() + 1, 0);
+  tbb::parallel_for(std::size_t(0), grid.blocks(), [&](std::size_t b) {
+    for (std::size_t n = 0; n < block_nodes; n++) first[b + 1] += grid.node(b * block_nodes + n)[0] > 0;
+  });
+  for (std::size_t b = 0; b < grid.blocks(); b++) first[b + 1] += first[b];
+  const std::size_t rows = first.back();
+  node_of_row_.resize(rows);
+  mass_.resize(rows);
+  velocity_.resize(rows * D);
+  node_cell_.resize(rows * D);
+  const double unit = reference_density_ * std::pow(cell_size_, D);
+  tbb::parallel_for(std::size_t(0), grid.blocks(), [&](std::size_t b) {
+    std::size_t row = first[b];
+    for (std::size_t n = b * block_nodes; n < (b + 1) * block_nodes; n++) {
+      const T* node = grid.node(n);
+      row_of_node_[n] = no_row;
+      if (!(node[0] > 0)) continue;
+      row_of_node_[n] = std::uint32_t(row);
+      node_of_row_[row] = n;
+      mass_[row] = double(node[0]) * unit;
+      const Index3 cell = grid.node_coordinates(n);
+      for (int a = 0; a < D; a++) {
+        velocity_[row * D + a] = double(node[1 + a]);
+        node_cell_[row * D + a] = cell[a];
+      }
+      row++;
+    }
+  });
+}
+
+/// A node that is held along two directions counts as held altogether.
+template <class T, int D>
+void Constraints<T, D>::mark(const std::vector<HeldNode>& held) {
+  prescribed_.assign(mass_.size(), free_node);
+  any_normal_ = false;
+  for (const auto& h : held) {
+    const std::uint32_t row = row_of_node_[h.node];
+    if (row == no_row || prescribed_[row] == fixed_velocity) continue;
+    if (h.normal.isZero()) {
+      prescribed_[row] = fixed_velocity;
+      continue;
+    }
+    if (!std::exchange(any_normal_, true)) normal_.assign(velocity_.size(), 0.0);
+    double* normal = normal_.data() + row * D;
+    if (prescribed_[row] == fixed_along_normal) {
+      double cosine = 0;
+      for (int a = 0; a < D; a++) cosine += normal[a] * h.normal[a];
+      if (std::abs(cosine) < 1 - 1e-6) prescribed_[row] = fixed_velocity;
+    } else {
+      prescribed_[row] = fixed_along_normal;
+      for (int a = 0; a < D; a++) normal[a] = h.normal[a];
+    }
+  }
+}
+
+template <class T, int D>
+void Constraints<T, D>::collect_particles(const Particles<T, D>& particles) {
+  constexpr int edge = GridShape<D>::block_edge, block_nodes = GridShape<D>::block_nodes, last = D == 3 ? 3 : 1;
+  const TileLayout& l = particles.layout();
+  const std::size_t count = particles.size();
+  position_.resize(count * D);
+  volume_.resize(count);
+  deformation_.resize(count * 9);
+  fiber_.resize(l.fiber ? count * 3 : 0);
+  velocity_gradient_.resize(count * D * D);
+  nodes_.resize(count * stencil);
+  const auto& blocks = particles.blocks();
+  std::vector<std::size_t> first(blocks.size());
+  std::size_t next = 0;
+  for (std::size_t b = 0; b < blocks.size(); b++) {
+    first[b] = next;
+    next += blocks[b].count;
+  }
+  const double cell_volume = std::pow(cell_size_, D);
+  tbb::parallel_for(tbb::blocked_range<std::size_t>(0, blocks.size(), 4), [&](const auto& range) {
+    for (std::size_t b = range.begin(); b < range.end(); b++)
+      for (std::uint32_t i = 0; i < blocks[b].count; i++) {
+        const std::uint64_t slot = blocks[b].first_tile * Particles<T, D>::lanes + i;
+        const std::size_t p = first[b] + i;
+        int base[3] = {0, 0, 0};  // counted from the first node of the block before
+        for (int a = 0; a < D; a++) {
+          // The first node as the transfers find it; in double precision a position beside a boundary could find another.
+          const T x = particles.value(l.position, a, slot), start = std::floor(x - T(0.5));
+          base[a] = int(start) + edge;
+          const double inside = std::clamp(double(x) - double(start), 0.5, 1.5 - position_rounding);
+          position_[p * D + a] = double(blocks[b].coordinate[a]) * edge + double(start) + inside;
+        }
+        const auto row = [&](int x, int y, int z) {
+          const int neighbour = D == 3 ? (x / edge) * 9 + (y / edge) * 3 + z / edge : (x / edge) * 3 + y / edge;
+          const int inside = D == 3 ? ((x % edge) * edge + y % edge) * edge + z % edge : (x % edge) * edge + y % edge;
+          return row_of_node_[std::size_t(blocks[b].neighbours[neighbour]) * block_nodes + std::size_t(inside)];
+        };
+        // On the boundary of its support a weight is zero, and the node may be without mass. The middle node never is.
+        const std::uint32_t middle = row(base[0] + 1, base[1] + 1, base[2] + (last == 3));
+        std::uint64_t* to = nodes_.data() + p * stencil;
+        for (int x = 0; x < 3; x++)
+          for (int y = 0; y < 3; y++)
+            for (int z = 0; z < last; z++) {
+              const std::uint32_t r = row(base[0] + x, base[1] + y, base[2] + z);
+              *to++ = r == no_row ? middle : r;
+            }
+        const Matrix3 F = particles.deformation_or_b(slot);
+        for (int c = 0; c < 9; c++) deformation_[p * 9 + c] = F(c / 3, c % 3);
+        volume_[p] = double(particles.value(l.volume, slot)) * cell_volume * std::abs(F.determinant());
+        for (int c = 0; l.fiber && c < 3; c++) fiber_[p * 3 + c] = double(particles.value(l.fiber, c, slot));
+        for (int c = 0; c < D * D; c++) velocity_gradient_[p * D * D + c] = double(particles.value(l.affine, c, slot));
+      }
+  });
+}
+
+template <class T, int D>
+void Constraints<T, D>::call(const plugins::Instance& law, double time_step) {
+  cleave_constraint_system system{};
+  system.struct_size = sizeof system;
+  system.dimension = D;
+  system.cell_size = cell_size_;
+  system.time_step = time_step;
+  system.node_count = mass_.size();
+  system.mass = mass_.data();
+  system.velocity = velocity_.data();
+  system.node_cell = node_cell_.data();
+  system.prescribed = prescribed_.data();
+  system.normal = any_normal_ ? normal_.data() : nullptr;
+  system.particle_count = volume_.size();
+  system.position = position_.data();
+  system.volume = volume_.data();
+  system.deformation = deformation_.data();
+  system.fiber = law.can(CLEAVE_NEEDS_FIBER) ? fiber_.data() : nullptr;
+  system.velocity_gradient = velocity_gradient_.data();
+  system.nodes = nodes_.data();
+  cleave_constraint_report report{};
+  report.struct_size = sizeof report;
+  char text[512] = "", subject[64] = "";
+  cleave_message message{sizeof message, sizeof text, text, sizeof subject, 0, subject};
+
+  const auto fail = [&](const std::string& what) {
+    throw SimulationError(fmt::format("plugin {} {} {}", law.description().id, law.description().version, what));
+  };
+  const auto& table = *static_cast<const cleave_constraint*>(law.plugin().kind_table());
+  if (const cleave_result result = table.project(law.handle(), &system, &report, &message); result != CLEAVE_OK) {
+    text[sizeof text - 1] = 0;
+    fail(*text ? fmt::format("failed: {}", text) : fmt::format("failed with error {}", result));
+  }
+  for (std::size_t i = 0; i < velocity_.size(); i++)
+    if (!std::isfinite(T(velocity_[i]))) {
+      Vector3 x = Vector3::Zero();
+      for (int a = 0; a < D; a++) x[a] = double(node_cell_[i / D * D + a]) * cell_size_;
+      fail(fmt::format("gives velocities that are not finite, at the grid node at ({:.6g}, {:.6g}, {:.6g}) m", x[0], x[1],
+                       x[2]));
+    }
+  if (!(report.residual >= 0) || !std::isfinite(report.residual))
+    fail(fmt::format("reports the residual {}, which is none", report.residual));
+  statistics_.projections++;
+  statistics_.iterations += report.iterations;
+  statistics_.largest_residual = std::max(statistics_.largest_residual, report.residual);
+}
+
+/// Nodes that are held altogether keep their velocity, whatever a law does.
+template <class T, int D>
+void Constraints<T, D>::write_back(Grid<T, D>& grid) const {
+  tbb::parallel_for(tbb::blocked_range<std::size_t>(0, node_of_row_.size(), 1024), [&](const auto& range) {
+    for (std::size_t row = range.begin(); row < range.end(); row++) {
+      if (prescribed_[row] == fixed_velocity) continue;
+      T* node = grid.node(node_of_row_[row]);
+      for (int a = 0; a < D; a++) node[1 + a] = T(velocity_[row * D + a]);
+    }
+  });
+}
+
+template class Constraints<float, 2>;
+template class Constraints<float, 3>;
+template class Constraints<double, 2>;
+template class Constraints<double, 3>;
+
+}  // namespace cleave::mpm
