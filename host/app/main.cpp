@@ -56,6 +56,7 @@ int main(int argc, char** argv) {
   auto* plugins_cli = cli.add_subcommand("plugins", "List the plugins, or describe one");
   plugins_cli->add_option("id", list.id, "Plugin to describe, for example elasticity/split-neo-hookean");
   plugins_cli->add_flag("--json", list.json, "Machine-readable output");
+  plugins_cli->add_flag("--markdown", list.markdown, "A reference page: parameters, units, defaults, bounds, state");
   plugins_cli->add_flag("--explain", list.explain, "Also say where plugins were looked for and what was refused, and why");
   plugins_cli->callback([&] { status = app::plugins_command(list); });
 

@@ -270,14 +270,108 @@ std::string describe_text(const Found& found) {
   return text;
 }
 
+// ---------------------------------------------------------------- Markdown
+
+/// Text in the cell of a table.
+std::string cell(const std::string& text) {
+  std::string escaped;
+  for (const char c : text) escaped += c == '|' ? std::string("\\|") : std::string(1, c);
+  return escaped;
+}
+
+std::string type_cell(const Parameter& parameter) {
+  if (!parameter.choices.empty()) return "`" + joined(parameter.choices, "`, `") + "`";
+  if (parameter.type != CLEAVE_TYPE_NUMBER_LIST) return type_word(parameter.type);
+  return parameter.min_count == parameter.max_count ? fmt::format("{} numbers", parameter.min_count)
+                                                    : fmt::format("{} to {} numbers", parameter.min_count, parameter.max_count);
+}
+
+std::string default_cell(const Parameter& parameter) {
+  if (parameter.required) return "required";
+  if (parameter.in_set) return "";
+  const std::string text = plugins::value_text(parameter.default_value);
+  return text.empty() ? "" : "`" + text + "`";
+}
+
+/// Bounds of validity, then what is usual. The unit has a column of its own.
+std::string bounds_cell(const Parameter& parameter) {
+  if (parameter.type == CLEAVE_TYPE_BOOLEAN || parameter.type == CLEAVE_TYPE_TEXT) return "";
+  const std::string valid = plugins::bounds_text(parameter.minimum, parameter.minimum_open, parameter.maximum,
+                                                 parameter.maximum_open, "1"),
+                    usual = plugins::bounds_text(parameter.physical_minimum, false, parameter.physical_maximum, false, "1");
+  const bool narrower = parameter.physical_minimum != parameter.minimum || parameter.physical_maximum != parameter.maximum;
+  return (valid == "finite" ? "" : valid) + (narrower ? (valid == "finite" ? "usually " : "; usually ") + usual : "");
+}
+
+std::string meaning_cell(const Parameter& parameter) {
+  std::string text = parameter.description;
+  const bool list = parameter.type == CLEAVE_TYPE_NUMBER_LIST;
+  for (std::size_t i = 0; i < parameter.needs.size(); ++i)
+    if (const auto needs = plugins::capability_names(parameter.needs[i]); !needs.empty())
+      text += fmt::format("; where {} is not 0: {}", list ? fmt::format("element {}", i) : "it", joined(needs, ", "));
+  return cell(text);
+}
+
+std::string markdown(const Description& description, const char* heading) {
+  std::string text = fmt::format("{} `{}` {}\n\n{}.\n", heading, description.id, description.version, description.summary);
+  if (!description.source.empty()) text += fmt::format("Source: {}.\n", description.source);
+  if (!description.author.empty()) text += fmt::format("Author: {}.\n", description.author);
+  const auto capabilities = plugins::capability_names(description.capabilities);
+  if (!capabilities.empty()) text += fmt::format("\nCapabilities: {}.\n", joined(capabilities, ", "));
+  if (description.parameters.empty()) {
+    text += "\nNo parameters.\n";
+  } else {
+    text += "\n| parameter | type | unit | default | bounds | meaning |\n|---|---|---|---|---|---|\n";
+    for (const auto& parameter : description.parameters)
+      text += fmt::format("| `{}` | {} | {} | {} | {} | {} |\n", parameter.key, type_cell(parameter), parameter.unit,
+                          default_cell(parameter), bounds_cell(parameter), meaning_cell(parameter));
+  }
+  for (const auto& alternatives : description.alternatives) {
+    std::vector<std::string> sets;
+    for (const auto& set : alternatives.sets) sets.push_back("`" + joined(set, "` and `") + "`");
+    text += fmt::format("\n{} {}.\n", alternatives.optional ? "At most one of:" : "One of:", joined(sets, ", or "));
+  }
+  if (description.states.empty()) return text;
+  text += "\n| state | type | unit | initially | change | meaning |\n|---|---|---|---|---|---|\n";
+  for (const auto& state : description.states) {
+    const auto initial = initial_values(state);
+    text += fmt::format("| `{}` | {} | {} | {} | {} | {} |\n", state.name, tensor_word(state.tensor), state.unit,
+                        initial.size() == 1 ? plugins::number_text(initial[0]) : plugins::value_text(initial),
+                        monotonicity_word(state.monotonicity), cell(state.description));
+  }
+  return text;
+}
+
+std::string reference_page(const Registry& registry) {
+  std::string text =
+      "# Plugins\n\n"
+      "What each plugin says of itself, written by `cleave plugins --markdown`. A parameter without a default is required, or\n"
+      "belongs to the alternatives named below the table. Outside its bounds the formulas mean nothing and the value is "
+      "refused;\n"
+      "outside of what is usual a scene is warned. All units are SI.\n";
+  for (const auto kind : kinds) {
+    const auto ids = registry.ids(kind);
+    if (ids.empty()) continue;
+    std::string title = plugins::name(kind);
+    title.front() = char(title.front() - 'a' + 'A');
+    text += fmt::format("\n## {}\n", title);
+    for (const auto& id : ids) text += "\n" + markdown(*registry.find(id), "###");
+  }
+  return text;
+}
+
 }  // namespace
 
 std::string describe_plugins(const Registry& registry, const PluginsOptions& options) {
+  if (options.markdown && (options.json || options.explain))
+    throw InputError("--markdown: error: goes with neither --json nor --explain");
   if (!options.id.empty()) {
     const Found& found = usable(registry, options.id);
+    if (options.markdown) return markdown(*found.description, "#");
     if (options.json) return json_text(to_json(found));
     return describe_text(found) + (options.explain ? explanation(registry) : "");
   }
+  if (options.markdown) return reference_page(registry);
   if (options.json) return list_json(registry);
   return list_text(registry) + (options.explain ? explanation(registry) : "");
 }

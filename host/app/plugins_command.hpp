@@ -8,8 +8,9 @@ namespace cleave::app {
 
 struct PluginsOptions {
   bool json = false;
-  bool explain = false;  ///< also the search path, every file found and why files were refused
-  std::string id;        ///< describe this plugin; empty: list all
+  bool markdown = false;  ///< a reference page
+  bool explain = false;   ///< also the search path, every file found and why files were refused
+  std::string id;         ///< describe this plugin; empty: list all
 };
 
 /// `cleave plugins`. Returns the exit status: 0, or 2 if the plugin asked for cannot be used.

@@ -63,6 +63,29 @@ TEST(PluginsCommand, JsonHoldsTheSame) {
               AllOf(HasSubstr("\"poissons_ratio\""), HasSubstr("\"maximum_open\" : true")));
 }
 
+TEST(PluginsCommand, MarkdownIsAReferenceOfEverythingDeclared) {
+  PluginsOptions options;
+  options.markdown = true;
+  options.id = "plasticity/radial-return";
+  EXPECT_THAT(describe_plugins(sound_and_broken(), options),
+              AllOf(HasSubstr("# `plasticity/radial-return` "),
+                    HasSubstr("| `limit` | number | Pa | required | greater than 0; usually in [1, 1e+09] | "),
+                    HasSubstr("| `flavour` | `plain`, `other` |  | `plain` |  | "), HasSubstr("| `[-1, -0.5]` |"),
+                    HasSubstr("\nAt most one of: `slope`, or `angle`.\n"),
+                    HasSubstr("| `accumulated` | scalar | 1 | 0 | never decreases | "),
+                    HasSubstr("| `marker` | vector | m | [1, 2, 3] | free | ")));
+  options.id = "elasticity/qr";
+  EXPECT_THAT(describe_plugins(plugins::test::built_plugins(), options),
+              AllOf(HasSubstr("; where it is not 0: needs a fiber, needs a second fiber |\n"),
+                    HasSubstr("One of: `youngs_modulus` and `poissons_ratio`, or `shear_modulus` and `bulk_modulus`.\n")));
+  options.id = "";
+  const std::string page = describe_plugins(sound_and_broken(), options);
+  EXPECT_LT(page.find("\n## Elasticity\n"), page.find("\n### `elasticity/fibrous` "));
+  EXPECT_LT(page.find("\n### `elasticity/fibrous` "), page.find("\n## Plasticity\n"));
+  options.json = true;
+  EXPECT_THROW(describe_plugins(sound_and_broken(), options), InputError);
+}
+
 TEST(PluginsCommand, UnknownIdIsAnInputErrorWithASuggestion) {
   PluginsOptions options;
   options.id = "elasticity/energy-onyl";
