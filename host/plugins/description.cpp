@@ -251,7 +251,7 @@ Description describe(const cleave_plugin& plugin) {
   whole(&plugin, sizeof(cleave_plugin), "the plugin table");
   require(plugin.kind && plugin.extension && plugin.create && plugin.destroy, "the plugin table has a null function");
 
-  const auto& about = whole(plugin.about, sizeof(cleave_about), "the plugin's \"about\"");
+  const auto& about = whole(plugin.about, offsetof(cleave_about, budget_ns), "the plugin's \"about\"");
   description.id = text(about.id, "the plugin's id");
   description.version = text(about.version, "the plugin's version");
   description.author = text(about.author, "the plugin's author");

@@ -24,7 +24,8 @@ struct AnisotropicDamage {
                                .version = "1.0.0",
                                .author = "Cleave",
                                .summary = "Stress-driven damage that follows up to two families of fibres",
-                               .source = "Wolper et al. 2020, AnisoMPM, section 3"};
+                               .source = "Wolper et al. 2020, AnisoMPM, section 3",
+                               .budget = 300};
   static constexpr DamageInputs inputs{.effective_stress = true};
   static constexpr Accepts accepts = Accepts::deformation_gradient;
   static constexpr int fibers = 2;

@@ -21,7 +21,8 @@ struct PhaseField {
                                .version = "1.0.0",
                                .author = "Cleave",
                                .summary = "Phase-field fracture driven by the tensile energy",
-                               .source = "Wolper et al. 2019, CD-MPM, section 3.4"};
+                               .source = "Wolper et al. 2019, CD-MPM, section 3.4",
+                               .budget = 5};
   static constexpr DamageInputs inputs{.tensile_energy = true};
   static constexpr bool isotropic = true;
 

@@ -16,7 +16,8 @@ struct Rankine {
                                .version = "1.0.0",
                                .author = "Cleave",
                                .summary = "Local softening by the largest principal stress, depends on the grid",
-                               .source = "Wolper et al. 2019, CD-MPM, section 3.4.1"};
+                               .source = "Wolper et al. 2019, CD-MPM, section 3.4.1",
+                               .budget = 200};
   static constexpr DamageInputs inputs{.effective_stress = true};
   static constexpr bool isotropic = true;
   static constexpr bool local = true;

@@ -16,6 +16,7 @@ struct About {
   const char* author = "";
   const char* summary;      ///< one line
   const char* source = "";  ///< paper and equations the formulas are from
+  double budget = 0;        ///< [ns] cleave_about::budget_ns, held against the clock by `cleave check`; 0: nothing is said
 };
 
 /// The strain measure a law's formulas are written in: `static constexpr Accepts accepts = ...`.

@@ -94,8 +94,8 @@ struct PluginOf {
     if (host->abi.major != CLEAVE_ABI_MAJOR) return CLEAVE_ERROR_ABI;
     return guarded(nullptr, [&]() -> cleave_result {
       static_assert(state_count<Law>() <= int(CLEAVE_MAX_STATE));
-      static const cleave_about about{sizeof(cleave_about), Law::about.id,      Law::about.version,
-                                      Law::about.author,    Law::about.summary, Law::about.source};
+      static const cleave_about about{sizeof(cleave_about), Law::about.id,     Law::about.version, Law::about.author,
+                                      Law::about.summary,   Law::about.source, Law::about.budget};
       // One host per process: the minor version agreed on with the first caller holds.
       static const cleave_plugin table{sizeof(cleave_plugin),
                                        {CLEAVE_ABI_MAJOR, std::min<std::uint32_t>(CLEAVE_ABI_MINOR, host->abi.minor)},

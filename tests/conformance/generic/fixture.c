@@ -215,7 +215,7 @@ static void initial_state(const cleave_instance* instance, double* values) {
 }
 
 static const char* const about_id = HAS_STATE ? "plasticity/fixture" : "elasticity/fixture";
-static cleave_about about = {sizeof about, NULL, "1.0.0", "somebody", "a law to be broken", "no paper"};
+static cleave_about about = {sizeof about, NULL, "1.0.0", "somebody", "a law to be broken", "no paper", 0};
 static const cleave_parameter_schema stiffness = {
     .struct_size = sizeof stiffness,
     .type = CLEAVE_TYPE_NUMBER,
