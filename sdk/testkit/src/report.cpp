@@ -85,6 +85,7 @@ std::string to_table(const Report& report) {
   for (const Result& result : report.results) {
     out << "  " << padded(result.check->id, id_width()) << "  " << word(result.verdict);
     if (!result.reason.empty()) out << ": " << result.reason;
+    if (!result.remark.empty()) out << ": " << result.remark;
     if (!result.reproduction.empty()) out << "; again with: " << result.reproduction;
     out << '\n';
   }
@@ -105,6 +106,7 @@ std::string to_json(const std::vector<Report>& reports) {
       out << (&result == report.results.data() ? "\n" : ",\n") << "  {\"id\": " << json(result.check->id)
           << ", \"verdict\": " << json(verdict) << ", \"seconds\": " << seconds(result.seconds);
       if (!result.reason.empty()) out << ", \"reason\": " << json(result.reason);
+      if (!result.remark.empty()) out << ", \"remark\": " << json(result.remark);
       if (!result.reproduction.empty()) out << ", \"reproduction\": " << json(result.reproduction);
       out << "}";
     }
@@ -125,7 +127,10 @@ std::string to_junit(const std::vector<Report>& reports) {
       out << "    <testcase classname=\"" << suite << "\" name=\"" << result.check->id << "\" time=\""
           << seconds(result.seconds) << "\"";
       if (result.verdict == Verdict::passed) {
-        out << "/>\n";
+        if (result.remark.empty())
+          out << "/>\n";
+        else
+          out << "><system-out>" << xml(result.remark) << "</system-out></testcase>\n";
         continue;
       }
       const char* tag = result.verdict == Verdict::failed ? "failure" : "skipped";

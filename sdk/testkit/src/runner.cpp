@@ -142,6 +142,8 @@ const Plugin& Context::plugin() {
 
 void Context::doing(const std::string& what) { copy(shared_.doing, what); }
 
+void Context::remark(const std::string& what) { copy(shared_.remark, what); }
+
 void Context::fail_at_once(const char* reason) const {
   shared_.verdict = Verdict::failed;
   // No allocation: this is called where the plugin may be inside of the allocator.
@@ -236,7 +238,7 @@ Report run_checks(const Options& options, const std::vector<std::string>& ids) {
   report.id = (*probed).id;
 
   for (const Check* check : chosen) {
-    Result result{check, Verdict::skipped, "", "", 0};
+    Result result{check, Verdict::skipped, "", "", "", 0};
     const auto begin = Clock::now();
     if ((*probed).verdict == Verdict::failed && std::strcmp(check->id, loading_check) != 0) {
       result.reason = "the plugin cannot be loaded, see " + std::string(loading_check);
@@ -254,6 +256,7 @@ Report run_checks(const Options& options, const std::vector<std::string>& ids) {
       result.verdict = (*memory).verdict;
       result.reason = (*memory).reason;
       result.reproduction = (*memory).reproduction;
+      if (result.verdict == Verdict::passed) result.remark = (*memory).remark;
     }
     result.seconds = std::chrono::duration<double>(Clock::now() - begin).count();
     report.results.push_back(result);

@@ -30,6 +30,9 @@ constexpr Defect defects[] = {
 #define DEFECT(name, what, checks) {"damage", #name, what, checks},
 #include "damage/defects.def"
 #undef DEFECT
+#define DEFECT(name, what, checks) {"local_damage", #name, what, checks},
+#include "local_damage/defects.def"
+#undef DEFECT
 #define DEFECT(name, what, checks) {"constraint", #name, what, checks},
 #include "constraint/defects.def"
 #undef DEFECT

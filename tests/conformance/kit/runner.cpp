@@ -1,6 +1,8 @@
 // What becomes of a run: verdicts, reproduction, reports, and the page generated from the checks.
 #include <cleave/testkit/runner.hpp>
 
+#include "kit/broken.hpp"
+
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
@@ -13,6 +15,7 @@ namespace cleave::testkit {
 namespace {
 
 using testing::HasSubstr;
+using testing::Not;
 
 Options fixture(const std::string& name) {
   Options options;
@@ -76,6 +79,20 @@ TEST(ConformanceReport, FormatsAgreeOnTheVerdicts) {
   EXPECT_THAT(to_json(reports), HasSubstr("has no unit (\\\"1\\\" if dimensionless)"));
   EXPECT_THAT(to_junit(reports), HasSubstr("<testsuite name=\"elasticity/fixture\" tests=\"3\" failures=\"1\" skipped=\"1\">"));
   EXPECT_THAT(to_junit(reports), HasSubstr("has no unit (&quot;1&quot; if dimensionless)"));
+}
+
+TEST(ConformanceReport, TellsWhatALawCostsAndWarnsBeyondItsBudget) {
+  const std::vector<Report> reports{run_checks(fixture("whole"), {"speed.budget"})};
+  EXPECT_THAT(to_table(reports[0]), HasSubstr("passed: f64 of F "));
+  EXPECT_THAT(to_json(reports), HasSubstr("\"remark\": \"f64 of F "));
+  EXPECT_THAT(to_junit(reports), HasSubstr("<system-out>f64 of F "));
+  EXPECT_THAT(to_table(reports[0]), Not(HasSubstr("WARNING")));
+
+  setenv(CLEAVE_DEFECT_VARIABLE, "over_budget", 1);
+  const Result slow = run_checks(fixture("broken_damage"), {"speed.budget"}).results.at(0);
+  unsetenv(CLEAVE_DEFECT_VARIABLE);
+  EXPECT_EQ(slow.verdict, Verdict::passed);
+  EXPECT_THAT(slow.remark, HasSubstr("WARNING: more than the 20 ns of about.budget_ns"));
 }
 
 std::string page() {

@@ -20,6 +20,7 @@ struct Shared {
   char reason[4096];
   char reproduction[1024];
   char doing[512];
+  char remark[512];
   char id[256];
   std::uint32_t kind;
 };
@@ -47,6 +48,9 @@ class Context {
   /// Runs `body` for `count` random cases, or for the one to be reproduced. A failing case is named with the command that
   /// runs it again.
   void random_cases(int count, const std::function<void(Random&)>& body);
+
+  /// Reported with the verdict if the check passes.
+  void remark(const std::string&);
 
   [[noreturn]] void fail(const std::string& reason) const { throw Failed{reason}; }
   [[noreturn]] void skip(const std::string& reason) const { throw Skipped{reason}; }

@@ -29,6 +29,7 @@ struct Result {
   const Check* check;
   Verdict verdict;
   std::string reason;        ///< why it failed or was skipped
+  std::string remark;        ///< what a check that passed has to say, as a measurement; mostly empty
   std::string reproduction;  ///< command that runs the failing case again; empty if the check has no random cases
   double seconds;
 };
