@@ -2,8 +2,8 @@
 
 #include "common/error.hpp"
 #include "config/scene.hpp"
+#include "discretization/simulation.hpp"
 #include "mpm/law_watch.hpp"
-#include "mpm/simulation.hpp"
 #include "output/frame.hpp"
 #include "output/progress.hpp"
 
@@ -102,18 +102,19 @@ int run_command(const RunOptions& options, plugins::Registry& registry) {
 
   const auto begin = Clock::now();
   const auto seconds_since = [](Clock::time_point t) { return std::chrono::duration<double>(Clock::now() - t).count(); };
-  auto simulation = mpm::Simulation::create(scene, registry);
+  auto simulation = discretization::simulate(scene, registry);
   const std::filesystem::path out = options.out.empty() ? std::filesystem::path("out") / options.scene.stem() : options.out;
   output::Writer writer(out, scene.output.formats, scene.output.surface);
   writer.text("scene.toml", config::to_toml(scene, registry));
 
   const bool single = scene.simulation.precision == config::Precision::single_precision;
   if (!options.quiet) {
+    const std::string_view isa = simulation->isa();
     std::string used;
     for (const auto& p : simulation->plugins()) used += fmt::format("{}{} {}", used.empty() ? "" : ", ", p.id, p.version);
     fmt::print("{} particles, {}D, cells of {:g} m, {} precision, {} thread{}, {} kernels; sampled in {:.2f} s\n",
                simulation->particles(), scene.simulation.dimension, scene.simulation.cell_size, single ? "single" : "double",
-               threads, threads == 1 ? "" : "s", simulation->isa(), seconds_since(begin));
+               threads, threads == 1 ? "" : "s", isa == "none" ? "no" : isa, seconds_since(begin));
     fmt::print("plugins: {}\n{}\n", used, memory_report(*simulation));
     std::fflush(stdout);
   }

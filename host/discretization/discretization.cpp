@@ -1,0 +1,261 @@
+#include "discretization/discretization.hpp"
+
+#include "common/error.hpp"
+
+#include <fmt/format.h>
+
+#include <Eigen/LU>
+#include <algorithm>
+#include <array>
+#include <cmath>
+
+namespace cleave::discretization {
+namespace {
+
+plugins::Instance instantiate(plugins::Registry& registry, const config::PluginUse& use, const plugins::Context& context) {
+  try {
+    return plugins::Instance(registry.load(use.id), use.parameters, context);
+  } catch (const InputError& e) {
+    throw InputError(error_at(use.where) + e.what());
+  }
+}
+
+/// What a plugin says when it fails.
+class Message {
+ public:
+  Message() {
+    message_.struct_size = sizeof message_;
+    message_.text = text_.data();
+    message_.text_capacity = std::uint32_t(text_.size());
+    message_.subject = subject_.data();
+    message_.subject_capacity = std::uint32_t(subject_.size());
+  }
+  Message(const Message&) = delete;
+  cleave_message* get() { return &message_; }
+  std::string text(cleave_result result) {
+    text_.back() = '\0';
+    return text_.front() ? text_.data() : fmt::format("result {}, no reason given", result);
+  }
+
+ private:
+  std::array<char, 1024> text_{};
+  std::array<char, 128> subject_{};
+  cleave_message message_{};
+};
+
+std::vector<double> flattened(const std::vector<Vector3>& vectors) {
+  std::vector<double> numbers;
+  numbers.reserve(3 * vectors.size());
+  for (const auto& v : vectors) numbers.insert(numbers.end(), v.data(), v.data() + 3);
+  return numbers;
+}
+
+Vector3 vector_of(const double* values, std::size_t point) { return Eigen::Map<const Vector3>(values + 3 * point); }
+
+double determinant(const double* F) { return Eigen::Map<const Eigen::Matrix<double, 3, 3, Eigen::RowMajor>>(F).determinant(); }
+
+/// Index of the first point with a number that is not finite, or `points`.
+std::size_t first_not_finite(const double* values, std::size_t points) {
+  double sum = 0;  // 0 times what is not finite is not a number
+  for (std::size_t i = 0; i < 3 * points; i++) sum += 0 * values[i];
+  if (sum == 0) return points;
+  std::size_t i = 0;
+  while (std::isfinite(values[i])) i++;
+  return i / 3;
+}
+
+}  // namespace
+
+Discretization::Discretization(const config::Scene& scene, const config::Material& material,
+                               std::vector<mpm::SampledBody> bodies, plugins::Registry& registry)
+    : material_(material.name),
+      density_(material.density),
+      dimension_(scene.simulation.dimension),
+      gravity_(scene.simulation.gravity),
+      surroundings_(scene, bodies),
+      instance_(instantiate(registry, *material.discretization, {dimension_, 0, density_})) {
+  for (const auto& sampled : bodies) {
+    const auto& source = sampled.particles;
+    const auto refuse = [&](const std::string& what) {
+      throw InputError(error_at(material.discretization->where) + "body '" + sampled.name + "': " + what);
+    };
+    const std::string id = instance_.description().id;
+    if (!source.deformation.empty())
+      refuse("its particle file gives deformation gradients, which " + id + " cannot start from; leave out F00 to F22");
+    Body body{sampled.name, source.volumes};
+    double volume = 0;
+    for (const double v : body.volumes) volume += v;
+    const auto positions = flattened(source.positions), velocities = flattened(source.velocities);
+    cleave_body given{};
+    given.struct_size = sizeof given;
+    given.dimension = std::uint32_t(dimension_);
+    given.name = body.name.c_str();
+    given.density = density_;
+    given.spacing = std::pow(volume / double(body.volumes.size()), 1.0 / dimension_);
+    given.point_count = body.volumes.size();
+    given.position = positions.data();
+    given.velocity = velocities.data();
+    given.volume = body.volumes.data();
+    Message message;
+    if (const auto result = instance_.discretization().add_body(instance_.handle(), &given, message.get()); result != CLEAVE_OK)
+      refuse(id + " cannot take it: " + message.text(result));
+    points_ += body.volumes.size();
+    rest_volume_ += volume;
+    bodies_.push_back(std::move(body));
+    try {
+      fields(bodies_.size() - 1);
+    } catch (const SimulationError& e) {
+      refuse(e.what());
+    }
+  }
+}
+
+void Discretization::fail(const std::string& what) const {
+  const auto& d = instance_.description();
+  throw SimulationError(fmt::format("material '{}': plugin {} {} {}", material_, d.id, d.version, what));
+}
+
+std::uint64_t Discretization::saved_bytes() const { return instance_.discretization().save(instance_.handle(), nullptr, 0); }
+
+double Discretization::stable_step() const {
+  const double step = instance_.discretization().stable_step(instance_.handle());
+  if (!(step > 0)) fail(fmt::format("gives {:g} s as the largest stable step", step));
+  return step;
+}
+
+void Discretization::step(double time, double time_step) {
+  Message message;
+  const auto result =
+      instance_.discretization().step(instance_.handle(), time_step, surroundings_.during(time, time_step), message.get());
+  if (result != CLEAVE_OK) fail("failed: " + message.text(result));
+  for (std::size_t b = 0; b < bodies_.size(); b++) {
+    const auto all = fields(b);
+    for (const char* name : {"position", "velocity"}) {
+      const std::size_t count = bodies_[b].volumes.size(), i = first_not_finite(all.at(name).values, count);
+      if (i < count) fail(fmt::format("moves point {} of body '{}' to where its {} is not finite", i, bodies_[b].name, name));
+    }
+  }
+}
+
+std::map<std::string, Discretization::Field> Discretization::fields(std::size_t body) const {
+  std::map<std::string, Field> found;
+  const auto& table = instance_.discretization();
+  const auto problem = [&](const std::string& what) { fail("gives body '" + bodies_[body].name + "' " + what); };
+  std::uint32_t count = 1;
+  for (std::uint32_t i = 0; i < count; i++) {
+    cleave_point_field field{};
+    field.struct_size = sizeof field;
+    count = table.point_field(instance_.handle(), body, i, &field);
+    if (i >= count) break;
+    if (!field.name || !*field.name) problem("a field without a name");
+    if (field.components != 1 && field.components != 3 && field.components != 9)
+      problem(fmt::format("the field \"{}\" with {} components; there may be 1, 3 or 9", field.name, field.components));
+    if (!field.values) problem(fmt::format("the field \"{}\" without values", field.name));
+    if (!found.emplace(field.name, Field{field.unit ? field.unit : "", int(field.components), field.values}).second)
+      problem(fmt::format("two fields \"{}\"", field.name));
+  }
+  static constexpr std::pair<const char*, int> shapes[] = {
+      {"position", 3}, {"velocity", 3}, {"damage", 1}, {"energy", 1}, {"F", 9}};
+  for (const auto& [name, components] : shapes) {
+    const auto field = found.find(name);
+    if (field == found.end() ? components == 3 : field->second.components != components)
+      problem(fmt::format("no field \"{}\" with {} component{}", name, components, components > 1 ? "s" : ""));
+  }
+  return found;
+}
+
+// ------------------------------------------------------------------------------------------------- looking at it
+
+void Discretization::write(output::ParticleFrame& frame, const std::vector<std::string>& asked) const {
+  const auto wanted = [&](const std::string& name, bool by_default) {
+    return asked.empty() ? by_default : std::find(asked.begin(), asked.end(), name) != asked.end();
+  };
+  for (std::size_t b = 0; b < bodies_.size(); b++) {
+    const auto& volumes = bodies_[b].volumes;
+    const std::size_t first = frame.ids.size(), count = volumes.size();
+    const auto all = fields(b);
+    const double *x = all.at("position").values, *v = all.at("velocity").values;
+    for (std::size_t i = 0; i < count; i++) {
+      frame.ids.push_back(std::int64_t(first + i));
+      frame.body.push_back(std::int32_t(frame.bodies.size()));
+      frame.positions.push_back(vector_of(x, i));
+      frame.velocities.push_back(vector_of(v, i).cast<float>());
+      frame.volumes.push_back(float(volumes[i]));
+    }
+    frame.bodies.push_back(bodies_[b].name);
+    for (auto& a : frame.attributes) a.values.resize((first + count) * std::size_t(a.components), 0.f);
+    const auto attribute = [&](const std::string& name, int components, const std::string& unit) -> float* {
+      auto a = std::find_if(frame.attributes.begin(), frame.attributes.end(), [&](const auto& k) { return k.name == name; });
+      if (a == frame.attributes.end()) {
+        const std::vector<float> zeros((first + count) * std::size_t(components), 0.f);
+        a = frame.attributes.insert(a, {name, components, unit, zeros});
+      }
+      if (a->components != components)
+        fail(fmt::format("gives body '{}' the field \"{}\" with {} component{}; another body has one of that name with {}",
+                         bodies_[b].name, name, components, components > 1 ? "s" : "", a->components));
+      return a->values.data() + first * std::size_t(components);
+    };
+    for (const auto& [name, field] : all) {
+      if (name == "F" && wanted("J", true)) {
+        float* J = attribute("J", 1, "1");
+        for (std::size_t i = 0; i < count; i++) J[i] = float(determinant(field.values + 9 * i));
+      }
+      if (name == "position" || name == "velocity" || !wanted(name, name != "F")) continue;
+      std::transform(field.values, field.values + count * std::size_t(field.components),
+                     attribute(name, field.components, field.unit), [](double value) { return float(value); });
+    }
+  }
+}
+
+void Discretization::write(std::vector<mpm::ParticleState>& points, std::int32_t first_body) const {
+  for (std::size_t b = 0; b < bodies_.size(); b++) {
+    const auto all = fields(b);
+    const auto damage = all.find("damage"), F = all.find("F");
+    for (std::size_t i = 0; i < bodies_[b].volumes.size(); i++) {
+      mpm::ParticleState p;
+      p.id = std::int64_t(points.size());
+      p.body = first_body + std::int32_t(b);
+      p.position = vector_of(all.at("position").values, i);
+      p.velocity = vector_of(all.at("velocity").values, i);
+      p.volume = bodies_[b].volumes[i];
+      if (F != all.end()) p.strain = Eigen::Map<const Eigen::Matrix<double, 3, 3, Eigen::RowMajor>>(F->second.values + 9 * i);
+      if (damage != all.end()) p.damage = damage->second.values[i];
+      points.push_back(p);
+    }
+  }
+}
+
+void Discretization::measure(output::FrameRecord& r, double& damaged) const {
+  for (std::size_t b = 0; b < bodies_.size(); b++) {
+    const auto all = fields(b);
+    const auto values = [&](const char* name) {
+      const auto field = all.find(name);
+      return field == all.end() ? nullptr : field->second.values;
+    };
+    const double *position = values("position"), *velocity = values("velocity"), *damage = values("damage"),
+                 *energy = values("energy"), *F = values("F");
+    for (std::size_t i = 0; i < bodies_[b].volumes.size(); i++) {
+      const Vector3 x = vector_of(position, i), v = vector_of(velocity, i);
+      const double volume = bodies_[b].volumes[i], m = density_ * volume, J = F ? determinant(F + 9 * i) : 1;
+      r.kinetic_energy += 0.5 * m * v.squaredNorm();
+      if (energy) r.elastic_energy += energy[i] * volume;
+      r.gravity_energy -= m * gravity_.dot(x);
+      r.momentum += m * v;
+      r.angular_momentum += m * x.cross(v);
+      r.center_of_mass += m * x;
+      r.mass += m;
+      r.volume += J * volume;
+      if (F) {
+        r.minimum_J = std::min(r.minimum_J, J);
+        r.maximum_J = std::max(r.maximum_J, J);
+      }
+      r.maximum_speed = std::max(r.maximum_speed, v.norm());
+      if (damage) {
+        r.maximum_damage = std::max(r.maximum_damage, damage[i]);
+        if (damage[i] > 0.5) damaged += volume;
+      }
+    }
+  }
+}
+
+}  // namespace cleave::discretization
