@@ -26,10 +26,20 @@ std::filesystem::path library_of(const std::string& plugin) {
   throw InputError(registry.unknown_id(plugin));
 }
 
+std::vector<std::filesystem::path> all_libraries() {
+  std::vector<std::filesystem::path> libraries;
+  const plugins::Registry registry(plugins::Registry::default_search_path());
+  for (const auto& found : registry.found())
+    libraries.push_back(found.path);  // those that are refused, too: they fail abi.loads
+  if (libraries.empty()) throw InputError("no plugin found; cleave plugins --explain says where they were looked for");
+  return libraries;
+}
+
 }  // namespace
 
 void add_check_options(CLI::App& cli, CheckOptions& options) {
   cli.add_option("plugins", options.plugins, "Plugin libraries (files), or IDs of plugins");
+  cli.add_flag("--all", options.all, "Check every plugin that is found");
   cli.add_flag("--list", options.list, "Print the checks, each with what it asks for");
   cli.add_option("--only", options.only, "Run this check only (repeatable)")->allow_extra_args(false);
   cli.add_option("--set", options.sets, "Fix a parameter of the law: key=value (repeatable)")->allow_extra_args(false);
@@ -45,7 +55,11 @@ int check_command(const CheckOptions& options) {
     fmt::print("{}", testkit::list_checks());
     return 0;
   }
-  if (options.plugins.empty()) throw InputError("name the plugins to check, for example elasticity/qr or plugins/my_law.so");
+  if (options.all ? !options.plugins.empty() : options.plugins.empty())
+    throw InputError("name the plugins to check, for example elasticity/qr or plugins/my_law.so, or ask for --all");
+  std::vector<std::filesystem::path> libraries;
+  if (options.all) libraries = all_libraries();
+  for (const auto& plugin : options.plugins) libraries.push_back(library_of(plugin));
   testkit::Options kit;
   kit.seed = options.seed;
   kit.reproduce = options.reproduce;
@@ -58,8 +72,8 @@ int check_command(const CheckOptions& options) {
   if (options.reproduce && options.only.size() != 1) throw InputError("--reproduce needs the one check it is about: --only ID");
 
   std::vector<testkit::Report> reports;
-  for (const auto& plugin : options.plugins) {
-    kit.library = library_of(plugin);
+  for (const auto& library : libraries) {
+    kit.library = library;
     try {
       reports.push_back(testkit::run_checks(kit, options.only));
     } catch (const std::invalid_argument& error) {

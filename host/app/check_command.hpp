@@ -14,6 +14,7 @@ namespace cleave::app {
 
 struct CheckOptions {
   std::vector<std::string> plugins;  ///< library files, or IDs of plugins the program finds
+  bool all = false;                  ///< every plugin the program finds
   bool list = false;
   bool json = false;
   std::vector<std::string> only;
