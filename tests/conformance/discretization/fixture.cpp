@@ -1,0 +1,178 @@
+#include <cleave/discretization.hpp>
+
+#include "broken.hpp"
+
+#include <algorithm>
+#include <cmath>
+#include <cstdlib>
+#include <cstring>
+#include <stdexcept>
+
+namespace {
+
+/// Points joined by springs to their neighbours within 1.5 spacings, to be broken: the force of a bond is
+///   f = k (|y| - |xi|) y/|y|,  xi at rest, y as it is.
+struct Springs {
+  static constexpr cleave::About about{.id = "discretization/fixture", .version = "1.0.0", .summary = "Springs to be broken"};
+  static constexpr double stiffness = 1e3;  ///< N/m
+
+  struct Bond {
+    std::size_t i, j;
+    std::array<double, 3> rest;
+    double stiffness;
+  };
+  struct Body {
+    std::vector<double> position, velocity, mass;
+    std::vector<Bond> bonds;
+    double step = 1e-3;
+    const double* kept = nullptr;
+  };
+  std::vector<Body> bodies;
+  static inline int steps_of_all = 0;
+
+  static double norm(const std::array<double, 3>& a) { return std::sqrt(a[0] * a[0] + a[1] * a[1] + a[2] * a[2]); }
+
+  void add_body(const cleave_body& given) {
+    if (broken("takes_nothing")) throw cleave::UnsupportedError{"no bodies at all"};
+    if (!given.tetrahedron_count && (broken("needs_mesh") || broken("uneven_springs_of_mesh")))
+      throw cleave::UnsupportedError{"it has no tetrahedra"};
+    if (given.point_count == 0 && broken("wordless")) throw std::runtime_error("");
+    if (given.point_count == 0 && broken("reads_first_point") && given.position[0] == 1) return;
+    Body body;
+    const std::size_t n = given.point_count;
+    body.position.assign(given.position, given.position + 3 * n);
+    body.velocity.assign(given.velocity, given.velocity + 3 * n);
+    if (broken("starts_at_rest")) std::fill(body.velocity.begin(), body.velocity.end(), 0.0);
+    body.kept = given.velocity;
+    std::vector<double> sum(n);
+    for (std::size_t i = 0; i < n; ++i) {
+      body.mass.push_back(given.density * given.volume[i]);
+      for (std::size_t j = i + 1; j < n; ++j) {
+        Bond bond{i, j, {}, stiffness};
+        for (std::size_t a = 0; a < 3; ++a) bond.rest[a] = given.position[3 * j + a] - given.position[3 * i + a];
+        if (norm(bond.rest) > 1.5 * given.spacing) continue;
+        if (broken("uneven_springs") || broken("uneven_springs_of_mesh"))
+          bond.stiffness *= 1 + 1e-3 * double((i * i + j * j) % 5);
+        sum[i] += bond.stiffness;
+        sum[j] += bond.stiffness;
+        body.bonds.push_back(bond);
+      }
+    }
+    // Gershgorin: omega^2 <= 2 sum k / m.
+    for (std::size_t i = 0; i < n; ++i)
+      if (sum[i] > 0) body.step = std::min(body.step, 0.8 * std::sqrt(2 * body.mass[i] / sum[i]));
+    bodies.push_back(body);
+  }
+
+  double stable_step() const {
+    if (broken("no_step")) return 0;
+    double step = 1e-3;
+    for (const Body& body : bodies) step = std::min(step, body.step);
+    return broken("too_long_a_step") ? 3 * step : step;
+  }
+
+  void step(double dt, const cleave::World& world) {
+    for (std::size_t b = 0; b < bodies.size(); ++b) {
+      Body& body = bodies[b];
+      auto &x = body.position, &v = body.velocity;
+      if (broken("keeps_body_arrays") && body.kept && body.kept[0] == 12345) v[0] = 0;
+      for (const Bond& bond : body.bonds) {
+        std::array<double, 3> y;
+        for (std::size_t a = 0; a < 3; ++a) y[a] = x[3 * bond.j + a] - x[3 * bond.i + a];
+        const double now = norm(y), rest = norm(bond.rest);
+        double extension = now - rest;
+        if (broken("linear_strain")) {
+          extension = -rest;
+          for (std::size_t a = 0; a < 3; ++a) extension += bond.rest[a] * y[a] / rest;
+        }
+        for (std::size_t a = 0; a < 3; ++a) {
+          double force = bond.stiffness * extension * y[a] / now;
+          if (broken("sideways_forces")) force += 0.01 * bond.stiffness * extension * y[(a + 1) % 3] / now;
+          v[3 * bond.i + a] += dt * force / body.mass[bond.i];
+          v[3 * bond.j + a] -= dt * force / body.mass[bond.j] * (broken("momentum_leak") ? 1.001 : 1);
+        }
+      }
+      const auto gravity = world.gravity();
+      ++steps_of_all;
+      for (std::size_t i = 0; i < v.size(); ++i) {
+        if (!broken("ignores_gravity")) v[i] += dt * gravity[i % 3];
+        if (broken("air_drag")) v[i] *= 1 - 1e-6;
+        if (broken("counts_steps")) v[i] *= 1 + 1e-15 * (steps_of_all % 7);
+      }
+      std::vector<double> free = v;
+      if (!broken("ignores_colliders")) world.collide(x, v);
+      if (!broken("ignores_handles"))
+        for (std::size_t i = 0; i < body.mass.size(); ++i)
+          if (const auto motion = world.handle(broken("handles_of_first_body") ? 0 : b, i)) {
+            std::copy(motion->position.begin(), motion->position.end(), &x[3 * i]);
+            std::copy(motion->velocity.begin(), motion->velocity.end(), &v[3 * i]);
+            std::fill_n(&free[3 * i], 3, 0.0);
+          } else {
+            for (std::size_t a = 0; a < 3; ++a)
+              x[3 * i + a] += dt * (broken("moves_before_colliding") ? free[3 * i + a] : v[3 * i + a]);
+          }
+      else
+        for (std::size_t i = 0; i < x.size(); ++i) x[i] += dt * v[i];
+    }
+  }
+
+  std::vector<cleave::PointField> fields(std::uint64_t index) const {
+    if (index >= bodies.size()) return {};
+    const Body& body = bodies[index];
+    std::vector<cleave::PointField> all = {{"position", "m", 3, body.position}, {"velocity", "m/s", 3, body.velocity}};
+    if (broken("no_velocity")) all.pop_back();
+    if (broken("no_unit")) all.push_back({"mass", "", 1, body.mass});
+    if (broken("capital_field")) all.push_back({"Mass", "kg", 1, body.mass});
+    return all;
+  }
+
+  std::optional<cleave::SurfaceMesh> surface(std::uint64_t index) const {
+    static constexpr std::uint32_t sound[] = {0, 1, 2}, beyond[] = {0, 1, 1000000};
+    if (index >= bodies.size() || bodies[index].mass.size() < 3 || broken("no_surface")) return {};
+    return cleave::SurfaceMesh{bodies[index].position, broken("dangling_triangle") ? beyond : sound};
+  }
+
+  static constexpr std::uint64_t magic = 0x53676e6972707331;
+  std::vector<std::byte> save() const {
+    std::vector<std::byte> bytes;
+    const auto append = [&](const void* from, std::size_t size) {
+      const auto* begin = static_cast<const std::byte*>(from);
+      bytes.insert(bytes.end(), begin, begin + size);
+    };
+    append(&magic, sizeof magic);
+    for (const Body& body : bodies) {
+      const std::uint64_t count = body.position.size();
+      append(&count, sizeof count);
+      append(body.position.data(), count * sizeof(double));
+      if (!broken("saves_positions_only")) append(body.velocity.data(), count * sizeof(double));
+    }
+    static int saves = 0;
+    if (broken("saves_grow")) bytes.resize(bytes.size() + std::size_t(++saves / 2));
+    return bytes;
+  }
+  void restore(std::span<const std::byte> bytes) {
+    std::size_t next = 0;
+    const auto take = [&](void* to, std::size_t size) {
+      if (!broken("reads_any_bytes") && size > bytes.size() - next) throw std::runtime_error("the state is cut off");
+      std::memcpy(to, bytes.data() + next, size);
+      next += size;
+    };
+    std::uint64_t tag = 0;
+    take(&tag, sizeof tag);
+    if (tag != magic && !broken("reads_any_bytes")) throw std::runtime_error("this is no state of springs");
+    for (Body& body : bodies) {
+      std::uint64_t count = 0;
+      take(&count, sizeof count);
+      if (broken("reads_any_bytes")) body.position.resize(std::min<std::uint64_t>(count, 1u << 20));
+      if (count != body.velocity.size()) throw std::runtime_error(broken("refuses_wordless") ? "" : "a state of other bodies");
+      take(body.position.data(), count * sizeof(double));
+      if (!broken("saves_positions_only")) take(body.velocity.data(), count * sizeof(double));
+    }
+    if (next != bytes.size() && !broken("ignores_what_follows") && !broken("saves_grow"))
+      throw std::runtime_error("the state is longer than it should be");
+  }
+};
+
+}  // namespace
+
+CLEAVE_PLUGIN(Springs)
