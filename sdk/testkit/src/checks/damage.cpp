@@ -488,7 +488,7 @@ void integration(Context& context) {
 std::vector<Check> damage_checks() {
   return {
       {"damage.driving-force", 43,
-       "D is never negative and zero at rest, a history never goes back; local damage stays in [0, 1] and never heals.",
+       "D is zero at rest and never negative, and a history never goes back; local damage stays in [0, 1] and never heals.",
        damage_kind, driving_force},
       {"damage.degradation", 44,
        "r, eta and l are usable, and a bar pulled slowly ends at d = D/(1 + D), however many steps the load took.", damage_kind,

@@ -92,9 +92,10 @@ void budget(Context& context) {
 }  // namespace
 
 std::vector<Check> speed_checks() {
-  return {{"speed.budget", 52,
-           "Its nanoseconds per point are reported, with a warning beyond the budget it declares; ten times the budget fails.",
-           batch_kinds, budget}};
+  return {
+      {"speed.budget", 52,
+       "What a point costs in nanoseconds is reported, with a warning beyond the declared budget; ten times the budget fails.",
+       batch_kinds, budget}};
 }
 
 }  // namespace cleave::testkit
