@@ -1,6 +1,6 @@
 #include <cleave/constraint.hpp>
 
-#include "broken.hpp"
+#include "kit/broken.hpp"
 
 #include <algorithm>
 #include <array>

@@ -3,7 +3,7 @@
 //   D = max over the past of <|s|^2/sigma_c^2 - 1>
 #include <cleave/damage.hpp>
 
-#include "broken.hpp"
+#include "kit/broken.hpp"
 
 #include <cmath>
 

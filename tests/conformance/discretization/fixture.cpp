@@ -1,6 +1,6 @@
 #include <cleave/discretization.hpp>
 
-#include "broken.hpp"
+#include "kit/broken.hpp"
 
 #include <algorithm>
 #include <cmath>

@@ -3,7 +3,7 @@
 //   d = max over the past of <1 - sigma_c/|s|>
 #include <cleave/damage.hpp>
 
-#include "broken.hpp"
+#include "kit/broken.hpp"
 
 namespace {
 using namespace cleave;
