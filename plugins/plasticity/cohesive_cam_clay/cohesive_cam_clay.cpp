@@ -70,7 +70,8 @@ struct VolumetricResponse {
 ///
 ///   f(t) = a cos t (q_tr/b_q - sin t) - c sin t kappa (ln J_new - ln J_tr) = 0,
 ///
-/// in the quadrant of the trial, where f falls from one end to the other: Newton's method on the angle t.
+/// in the quadrant of the trial. Between the tip and its one root f has the sign of cos t, beyond the root the other one:
+/// Newton's method on the angle t, kept between points of different signs.
 ///
 /// Elastic laws of logarithmic pressure are Hencky solids: s = 2 mu dev e, and mu' = mu makes the return exact. For others
 /// s = mu J^(-2/3) dev b, mu' = mu tr(b_tr) J^(-2/3)/3 [Simo and Hughes 1998, section 9.3], and b_new follows from s_new and
@@ -161,21 +162,28 @@ struct CohesiveCamClay {
     point(first_along / size, first_across / size, mask_of<T>(true));
 
     mask_of<T> active = outside;
+    T tip_cosine = side, tip_sine(0), top_cosine(0), top_sine(1);  // on both sides of the root
     for (int step = 0; step < most_steps && any(active); ++step) {
       const auto volume = response.volume(T(y.center + y.pressure_axis * cosine));
       const T gap = volume.log_J - log_J, excess = Q - sine;
       const T f = y.pressure_axis * cosine * excess - c * sine * gap;
+      const mask_of<T> before_root = f * side > T(0);
+      tip_cosine = select(before_root, cosine, tip_cosine);
+      tip_sine = select(before_root, sine, tip_sine);
+      top_cosine = select(before_root, top_cosine, cosine);
+      top_sine = select(before_root, top_sine, sine);
       // excess < 0 lies beyond the solution; without it the slope stays negative there.
       const T slope =
           y.pressure_axis * (c * sine * sine * volume.slope - cosine * cosine - max(excess, T(0)) * sine) - c * cosine * gap;
       const T dt = -f / slope;
       const T along = cosine - dt * sine, across = sine + dt * cosine;
-      // Halfway to the end of the quadrant where a step would leave it.
-      const mask_of<T> too_low = across < T(0), too_high = along * side < T(0);
-      point(select(too_low, cosine + side, select(too_high, cosine, along)),
-            select(too_low, sine, select(too_high, sine + 1, across)), active);
+      // Where f rises, and where a step would pass the point on the other side, to the middle.
+      const mask_of<T> rises = slope >= T(0), below = (across * tip_cosine - along * tip_sine) * side < T(0),
+                       above = (along * top_sine - across * top_cosine) * side < T(0);
+      const mask_of<T> halve = rises | (before_root & above) | ((!before_root) & below);
+      point(select(halve, tip_cosine + top_cosine, along), select(halve, tip_sine + top_sine, across), active);
       // An undefined trial ends here too; its result is undefined, which is reported.
-      active = active & (abs(dt) > negligible);
+      active = active & ((abs(dt) > negligible) | rises);
     }
     const T p = y.center + y.pressure_axis * cosine;
     return {response.volume(p).log_J, select(Q > sine, sine / Q, T(1)), active};
