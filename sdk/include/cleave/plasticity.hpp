@@ -44,12 +44,16 @@ struct Returned {
 
 namespace detail {
 
-/// F = sqrt(b_new b_trial^-1) F_trial for coaxial b_new and b_trial, whose quotient is then symmetric.
+/// F = sqrt(b_new b_trial^-1) F_trial for coaxial b_new and b_trial. The stretches of the trial are taken from F_trial, which
+/// knows the small ones better than b_trial does.
 template <class T>
 CLEAVE_INLINE Matrix3<T> follow(const Matrix3<T>& F_trial, const Symmetric3<T>& b_trial, const Symmetric3<T>& b_new) {
-  const auto [values, vectors] = symmetric_eigen(symmetric_part(b_new * inverse(b_trial)));
+  const auto [values, vectors] = symmetric_eigen(b_trial);
   Vector3<T> stretch;
-  for (int i = 0; i < 3; ++i) stretch[i] = sqrt(max(values[i], T(0)));
+  for (int i = 0; i < 3; ++i) {
+    const Vector3<T> n(vectors(0, i), vectors(1, i), vectors(2, i));
+    stretch[i] = sqrt(max(dot(n, b_new * n), T(0)) / squared_norm(transpose(F_trial) * n));
+  }
   return Matrix3<T>(symmetric_product(vectors, diagonal(stretch))) * F_trial;
 }
 
@@ -87,7 +91,11 @@ struct PlasticBatch {
       const std::array<T, n> before = load_state<T, n>(chunk, state);
 
       LaneMask<S> valid = all_finite(given);
-      if constexpr (!is_inversion_safe<Law>) valid = valid & (determinant(given) > T(0));
+      if constexpr (!is_inversion_safe<Law>) {
+        valid = valid & (determinant(given) > T(0));
+        // F may be regular where b is not, to rounding.
+        if constexpr (!std::is_same_v<Strain, decltype(given)>) valid = valid & (determinant(trial) > T(0));
+      }
       const Returned<Strain, n> result = law.return_map(elastic, trial, before);
       valid = valid & ((!result.yielded) | all_finite(result.strain));
 
@@ -95,8 +103,10 @@ struct PlasticBatch {
         auto after = given;
         if constexpr (std::is_same_v<Strain, decltype(given)>)
           after = result.strain;
-        else if (any(result.yielded))
+        else if (any(result.yielded)) {
           after = follow(given, trial, result.strain);
+          valid = valid & ((!result.yielded) | all_finite(after));
+        }
         chunk.store_tensor(out, select(result.yielded, after, given));
       }
       if (state_out)
