@@ -52,6 +52,8 @@ struct DruckerPrager {
     friction = std::sqrt(6.0) * 2 * sine / (3 - sine);
   }
 
+  bool consistent_return() const { return closure == Closure::exact; }
+
   template <class T>
   Returned<Symmetric3<T>, 1> return_map(const YieldContext& elastic, const Symmetric3<T>& b,
                                         const std::array<T, 1>& state) const {

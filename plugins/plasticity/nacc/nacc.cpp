@@ -67,6 +67,8 @@ struct NonAssociatedCamClay {
   }
   std::array<double, 1> initial_state() const { return {alpha0}; }
 
+  bool consistent_return() const { return closure == Closure::exact; }
+
   /// y > 0 beyond rounding, stresses in units of kappa. Includes p outside of the tips.
   template <class T>
   mask_of<T> is_outside(const T& p, const T& squared_q, const T& p0) const {

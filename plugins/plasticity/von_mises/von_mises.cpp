@@ -38,6 +38,9 @@ struct VonMises {
                                                         .change = Change::never_decreases,
                                                         .description = "alpha: plastic strain, summed over all flow"}));
 
+  bool consistent_return() const { return closure == Closure::exact; }
+  bool keeps_volume() const { return closure == Closure::exact; }
+
   template <class T>
   Returned<Symmetric3<T>, 1> return_map(const YieldContext& elastic, const Symmetric3<T>& b,
                                         const std::array<T, 1>& state) const {

@@ -24,6 +24,23 @@ typedef struct cleave_plasticity {
   cleave_result (*return_map_f64)(const cleave_instance*, const cleave_batch*);
 } cleave_plasticity;
 
+/* Extension "cleave.return-guarantees/1": what the return of an instance guarantees, where its parameters decide. Without the
+ * extension every return is consistent, and keeps the volume if the schema says CLEAVE_FLOW_IS_ISOCHORIC. */
+#define CLEAVE_EXTENSION_RETURN_GUARANTEES "cleave.return-guarantees/1"
+
+enum cleave_return_guarantee {
+  /* Returned states lie on the yield surface and the return dissipates, also at large elastic strain. */
+  CLEAVE_RETURN_IS_CONSISTENT = 1 << 0,
+  CLEAVE_RETURN_KEEPS_VOLUME = 1 << 1 /* det b */
+};
+
+typedef struct cleave_return_guarantees {
+  uint32_t struct_size;
+  uint32_t reserved;
+  /* Union of enum cleave_return_guarantee. [any-thread] */
+  uint64_t (*of)(const cleave_instance*);
+} cleave_return_guarantees;
+
 #ifdef __cplusplus
 }
 #endif

@@ -14,6 +14,11 @@
 ///   static constexpr bool isochoric_flow = true;   the return keeps det b
 ///   static constexpr bool inversion_safe = true;   a trial with J <= 0 is mapped too; else it is FATAL
 ///
+/// and, where parameters decide on them,
+///
+///   bool keeps_volume() const;        the return keeps det b
+///   bool consistent_return() const;   returned states lie on the yield surface also at large elastic strain
+///
 /// A law of b is isotropic and returns b coaxial with its trial. Given F it therefore also maps F = V_new V_trial^-1 F_trial.
 #ifndef CLEAVE_PLASTICITY_HPP
 #define CLEAVE_PLASTICITY_HPP
@@ -176,7 +181,18 @@ struct KindOf<Kind::plasticity, Law> {
     static constexpr cleave_plasticity table{sizeof(cleave_plasticity), 0, &return_map<float>, &return_map<double>};
     return &table;
   }
-  static const void* extension(const char*) { return nullptr; }
+  /// What isochoric_flow says for all parameters, keeps_volume() says for these.
+  static std::uint64_t guarantees(const cleave_instance* handle) noexcept {
+    [[maybe_unused]] const Law& law = reinterpret_cast<const Instance*>(handle)->law;
+    bool consistent = true, volume = isochoric_flow;
+    if constexpr (requires { law.consistent_return(); }) consistent = law.consistent_return();
+    if constexpr (requires { law.keeps_volume(); }) volume = law.keeps_volume();
+    return (consistent ? CLEAVE_RETURN_IS_CONSISTENT : 0) | (volume ? CLEAVE_RETURN_KEEPS_VOLUME : 0);
+  }
+  static const void* extension(const char* id) {
+    static constexpr cleave_return_guarantees table{sizeof(cleave_return_guarantees), 0, &guarantees};
+    return std::strcmp(id, CLEAVE_EXTENSION_RETURN_GUARANTEES) == 0 ? &table : nullptr;
+  }
 };
 
 }  // namespace detail
