@@ -199,8 +199,9 @@ void rotates_freely(Context& context) {
 void patch_test(Context& context) {
   const Settings settings = context.settings().front();
   const Form form(context, settings);
-  const Body body = form.body(11, 7);
-  const int depth = form.mesh() ? 3 : 4;
+  // Seven mean distances of points: twice the horizon of most nonlocal methods.
+  const Body body = form.body(15, 9);
+  const int depth = form.mesh() ? 4 : 7;
   const double step = quiet_step(context, settings, body);
   const double scale = released_speed(context, settings, body, step);
   Scene scene(context, settings);
