@@ -224,7 +224,8 @@ class MixedSimulation final : public mpm::Simulation {
 }  // namespace
 
 std::unique_ptr<mpm::Simulation> simulate(const config::Scene& scene, plugins::Registry& registry) {
-  if (part_of(scene, true).bodies.empty()) return mpm::Simulation::create(part_of(scene, false), registry);
+  if (std::none_of(scene.materials.begin(), scene.materials.end(), [](const auto& m) { return bool(m.discretization); }))
+    return mpm::Simulation::create(scene, registry);
   return std::make_unique<MixedSimulation>(scene, registry);
 }
 

@@ -124,6 +124,18 @@ TEST_F(Discretization, LeavesStepsToTheUserWhoLimitsThem) {
   const auto frames = run(scene(body, "maximum_time_step = 0.001\n"));
   EXPECT_EQ(frames.at("limited_by").back(), "maximum");
   EXPECT_EQ(last(frames, "steps"), 100);
+
+  const std::string stiffens =
+      "discretization = { plugin = \"failing\", largest_step = 0.002, at = 0.1, failure = \"stiffens\" }";
+  const auto adapted = run(scene(material("dust", stiffens) + block("cloud", "dust")));
+  EXPECT_EQ(adapted.at("steps"), (std::vector<std::string>{"0", "50", "500"}));
+  write("scene.toml", scene(material("dust", stiffens) + block("cloud", "dust"), "time_step = 0.002\n"));
+  const Outcome too_long = with_plugins("run scene.toml");
+  EXPECT_EQ(too_long.status, 3);
+  EXPECT_NE(too_long.err.find("the fixed step of 0.002 s is above 0.0002 s, the largest stable step that "
+                              "discretization/failing gives for material 'dust'"),
+            std::string::npos)
+      << too_long.err;
 }
 
 TEST_F(Discretization, MeetsCollidersAsGridNodesDo) {
@@ -397,6 +409,18 @@ TEST_F(Discretization, TemplateStoresTheEnergyOfItsBulkModulus) {
     EXPECT_NEAR(stored(3), 1, 0.08) << dimension << "D";
     EXPECT_NEAR(stored(5), 1, 0.03) << dimension << "D";
   }
+}
+
+TEST_F(Discretization, DamageIsPartOfAllBodies) {
+  write("points.csv", swelling(3, 5, 0.1, 10));
+  const auto frames =
+      run(scene(material("solid", "discretization = { plugin = \"brittle\", bulk_modulus = 1e5, critical_stretch = 1e-6 }") +
+                "[[body]]\nname = \"broken\"\nmaterial = \"solid\"\nparticles = \"points.csv\"\n" + material("rubber", rubber) +
+                block("cushion", "rubber")),
+          "run", "--frames 1");
+  EXPECT_EQ(last(frames, "maximum_damage"), 1);
+  EXPECT_NEAR(last(frames, "damaged_fraction"), 0.125 / (0.125 + 0.064), 1e-6);
+  EXPECT_EQ(numbers(frames.at("damaged_fraction")).front(), 0);
 }
 
 }  // namespace
