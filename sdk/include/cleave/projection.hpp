@@ -74,15 +74,21 @@ inline std::array<double, 3> current_fiber(const cleave_constraint_system& syste
   return a;
 }
 
-/// The particles by the node that is nearest to them; they share the nodes they reach. One row for all particles of such a
-/// cell leaves the nodes room to move where one for each particle would lock them.
+/// The particles of each grid cell. One row for all particles of a cell leaves the nodes room to move where one for each
+/// particle would lock them; and as cells lie between nodes, no row is blind to velocities that alternate from node to node.
 inline std::vector<std::vector<std::uint64_t>> particles_by_cell(const cleave_constraint_system& system) {
   constexpr std::uint64_t none = ~std::uint64_t(0);
-  const std::uint64_t stencil = system.dimension == 3 ? 27 : 9;
-  std::vector<std::uint64_t> cell_of_node(system.node_count, none);
+  const unsigned d = system.dimension;
+  const std::uint64_t stencil = d == 3 ? 27 : 9;
+  std::vector<std::uint64_t> cell_of_node(system.node_count, none);  // by the node at the cell's lower corner
   std::vector<std::vector<std::uint64_t>> cells;
   for (std::uint64_t p = 0; p < system.particle_count; ++p) {
-    std::uint64_t& cell = cell_of_node[system.nodes[p * stencil + stencil / 2]];
+    std::uint64_t corner = 0;
+    for (unsigned a = 0; a < d; ++a) {
+      const double x = system.position[p * d + a];
+      corner = corner * 3 + std::uint64_t(std::floor(x) - std::floor(x - 0.5));
+    }
+    std::uint64_t& cell = cell_of_node[system.nodes[p * stencil + corner]];
     if (cell == none) {
       cell = cells.size();
       cells.emplace_back();
@@ -129,8 +135,8 @@ class Projection {
     for (unsigned a = 0; a < d_; ++a) to[a] += coefficients[a];
   }
 
-  /// Changes the velocities of the system. Rows that contradict each other, or what is prescribed, are met in the sense of
-  /// least squares, each in units of its diagonal (B' M^-1 B'^T)^(1/2); the residual of the report tells.
+  /// Changes the velocities of the system, once. Rows that contradict each other, or what is prescribed, are met in the sense
+  /// of least squares, each in units of its diagonal (B' M^-1 B'^T)^(1/2); the residual of the report tells.
   ///
   /// Conjugate gradients on the normal equations (CGLS; Bjoerck, Numerical Methods for Least Squares Problems, 1996, 7.4) of
   /// S B' M^-1/2, where S gives the rows unit length. Its spectrum is that of B' M^-1 B'^T with the Jacobi preconditioner, and
@@ -150,7 +156,11 @@ class Projection {
       before[k] = velocity(k);
       mass_[k] = system_.mass[nodes_[k / d_]];
     }
-    for (std::size_t i = 0; i < rows; ++i) r[i] = length_[i] > 0 ? residual_[i] / length_[i] : 0;
+    for (std::size_t i = 0, e = 0; i < rows; ++i) {
+      const double scale = length_[i] > 0 ? 1 / length_[i] : 0;
+      r[i] = scale * residual_[i];
+      for (; e < row_end_[i] * d_; ++e) coefficient_[e] *= scale;
+    }
     const double enough = options.tolerance * norm_in_full(r);
     multiply_transposed(r, slope);
     direction = slope;
@@ -236,14 +246,14 @@ class Projection {
     for (unsigned a = 0; a < d_; ++a) b[a] -= along * normal[a];
   }
 
-  /// out = S B' in
+  /// out = S B' in; S is in the coefficients
   void multiply(const std::vector<double>& in, std::vector<double>& out) const {
     std::size_t e = 0;
     for (std::size_t i = 0; i < row_end_.size(); ++i) {
       double sum = 0;
       for (; e < row_end_[i]; ++e)
         for (unsigned a = 0; a < d_; ++a) sum += coefficient_[e * d_ + a] * in[column_[e] * d_ + a];
-      out[i] = length_[i] > 0 ? sum / length_[i] : 0;
+      out[i] = sum;
     }
   }
 
@@ -251,11 +261,9 @@ class Projection {
   void multiply_transposed(const std::vector<double>& in, std::vector<double>& out) const {
     std::fill(out.begin(), out.end(), 0.0);
     std::size_t e = 0;
-    for (std::size_t i = 0; i < row_end_.size(); ++i) {
-      const double s = length_[i] > 0 ? in[i] / length_[i] : 0;
+    for (std::size_t i = 0; i < row_end_.size(); ++i)
       for (; e < row_end_[i]; ++e)
-        for (unsigned a = 0; a < d_; ++a) out[column_[e] * d_ + a] += coefficient_[e * d_ + a] * s;
-    }
+        for (unsigned a = 0; a < d_; ++a) out[column_[e] * d_ + a] += coefficient_[e * d_ + a] * in[i];
     for (std::size_t k = 0; k < out.size(); ++k) out[k] /= mass_[k];
   }
 

@@ -70,7 +70,8 @@ TEST_F(ConstraintScene, OfTheTemplateShowsWhatTheLawDoes) {
   EXPECT_EQ(iterations[0], 0);
   for (std::size_t i = 1; i < iterations.size(); i++) {
     EXPECT_GT(iterations[i], 0);
-    EXPECT_LT(residual[i], 1e-7);
+    EXPECT_LE(residual[i], 1.01e-3);
+    EXPECT_GT(residual[i], 1e-6);
   }
   double fibrous = 0, plain = 0;
   for (std::size_t i = 0; i < iterations.size(); i++) {
@@ -107,7 +108,7 @@ TEST_F(ConstraintScene, StoresTheDeformationGradient) {
 
 TEST_F(ConstraintScene, ThatFailsEndsTheRunNamingThePlugin) {
   const std::string law = "{ plugin = \"witness\", mass = 36, rest_volume = 1e-3, act = \"give-up\" }";
-  write("scene.toml", replaced(hanging(), "{ plugin = \"fixed-length\" }", law));
+  write("scene.toml", replaced(hanging(), "{ plugin = \"fixed-length\", tolerance = 1e-3 }", law));
   const Outcome run = cleave("run scene.toml --out run --quiet --steps 5");
   EXPECT_EQ(run.status, 3) << run.err;
   EXPECT_NE(run.err.find("step 0 at t = 0 s"), std::string::npos) << run.err;

@@ -339,10 +339,10 @@ TEST_P(GridProjection, FindsTheParticlesOfACell) {
     particles += cell.size();
     std::vector<long> first;
     for (const std::uint64_t p : cell) {
-      std::vector<long> nearest;
-      for (unsigned a = 0; a < d; a++) nearest.push_back(std::lround(std::floor(s.position[p * d + a] + 0.5)));
-      if (first.empty()) first = nearest;
-      EXPECT_EQ(nearest, first);
+      std::vector<long> cell_of_particle;
+      for (unsigned a = 0; a < d; a++) cell_of_particle.push_back(std::lround(std::floor(s.position[p * d + a])));
+      if (first.empty()) first = cell_of_particle;
+      EXPECT_EQ(cell_of_particle, first);
     }
     EXPECT_EQ(seen[first]++, 0) << "one row for each cell";
   }
