@@ -111,7 +111,7 @@ struct Law {
       for (int j = 0; j < 3; ++j)
         for (int k = 0; k < 3; ++k) tau.x[3 * i + j] += shape_factor(g) * mu * p.F.x[3 * i + k] * p.F.x[3 * j + k];
     const double slope = sign() * (volume_factor(g) * lambda * (sign() * J - 1) - shape_factor(g) * mu);
-    const double dissipation = broken("dissipates") ? 1e-8 * mu * (J - 1) : 0;
+    const double dissipation = broken("dissipates") ? 1e-7 * mu * (J - 1) : 0;
     for (int i = 0; i < 9; ++i) tau.x[i] *= 1 + dissipation / mu;
     for (int i = 0; i < 9; i += 4) tau.x[i] += J * slope + (broken("stress_at_rest") ? 1e-10 * mu : 0);
     for (int i = first_fiber; i < 3; ++i) {
@@ -208,6 +208,10 @@ struct Batch {
       p.fiber_stiffness[1] = instance.cross_fiber_scale * instance.shear;
       p.fiber_stiffness[2] = broken("not_isotropic") ? 0.01 * instance.shear : 0;
       if (broken("fibers_have_heads")) p.fiber_stiffness[0] *= 1 + 0.1 * p.fibers[0].x[0];
+      for (int i = 0; broken("slack_fibers") && i < 2; ++i) {
+        const Vector f = p.F * p.fibers[i];
+        if (dot(f, f) < 1) p.fiber_stiffness[i] = 0;
+      }
       double sum = p.g;
       for (double x : p.F.x) sum += x;
       if (!std::isfinite(sum)) batch.status[k] = CLEAVE_STATUS_FATAL;
