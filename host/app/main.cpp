@@ -1,5 +1,6 @@
 #include "app/bench_command.hpp"
 #include "app/check_command.hpp"
+#include "app/new_plugin_command.hpp"
 #include "app/plugins_command.hpp"
 #include "app/point_command.hpp"
 #include "app/run_command.hpp"
@@ -82,6 +83,13 @@ int main(int argc, char** argv) {
   auto* check_cli = cli.add_subcommand("check", "Prove plugins: run the conformance checks");
   app::add_check_options(*check_cli, check);
   check_cli->callback([&] { status = app::check_command(check); });
+
+  app::NewPluginOptions project;
+  auto* new_plugin_cli = cli.add_subcommand("new-plugin", "Write a project for a plugin: source, tests, scene and build");
+  new_plugin_cli->add_option("kind", project.kind, "elasticity, plasticity, damage, constraint or discretization")->required();
+  new_plugin_cli->add_option("name", project.name, "Name of the plugin, for example my-law")->required();
+  new_plugin_cli->add_option("--dir", project.directory, "Directory to write into (default: ./NAME)");
+  new_plugin_cli->callback([&] { status = app::new_plugin_command(project); });
 
   try {
     cli.parse(argc, argv);
