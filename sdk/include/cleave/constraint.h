@@ -33,7 +33,7 @@ typedef struct cleave_constraint_system {
   const double* volume;            /* current volume, m^3 */
   const double* deformation;       /* F, 9 per particle, row-major */
   const double* fiber;             /* reference direction, 3 per particle; null if not declared */
-  const double* velocity_gradient; /* d x d per particle, row-major [1/s] */
+  const double* velocity_gradient; /* d x d per particle, row-major [1/s]: of the grid at the end of the step before */
   const uint64_t* nodes;           /* 3^d node rows per particle, last axis fastest, the quadratic stencil */
 } cleave_constraint_system;
 

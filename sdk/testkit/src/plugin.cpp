@@ -110,10 +110,11 @@ Material::Material(std::uint32_t kind)
       probe{sizeof probe, 0, shear_modulus, bulk_modulus,
             [](const cleave_elastic_probe*, const double* F) { return tensile_energy(F); }},
       context{sizeof context, 3, 0.01, 1000, &response, &probe} {
-  if (kind == elasticity_kind) {
+  if (kind == elasticity_kind || kind == discretization_kind) {
     context.isochoric = nullptr;
     context.elastic = nullptr;
   }
+  if (kind == discretization_kind) context.cell_size = 0;
 }
 
 namespace {

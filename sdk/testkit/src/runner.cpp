@@ -48,6 +48,7 @@ void child(const Action& action, Shared& shared) {
   } catch (const Failed& failed) {
     finish(shared, Verdict::failed, failed.reason);
   } catch (const Skipped& skipped) {
+    shared.reproduction[0] = '\0';
     finish(shared, Verdict::skipped, skipped.reason);
   } catch (const std::exception& error) {
     finish(shared, Verdict::failed, std::string("an exception: ") + error.what());
@@ -238,11 +239,13 @@ Report run_checks(const Options& options, const std::vector<std::string>& ids) {
   report.id = (*probed).id;
 
   for (const Check* check : chosen) {
+    const bool applies = (*probed).verdict != Verdict::passed || (check->kinds & (*probed).kind);
+    if (!applies && ids.empty()) continue;
     Result result{check, Verdict::skipped, "", "", "", 0};
     const auto begin = Clock::now();
     if ((*probed).verdict == Verdict::failed && std::strcmp(check->id, loading_check) != 0) {
       result.reason = "the plugin cannot be loaded, see " + std::string(loading_check);
-    } else if ((*probed).verdict == Verdict::passed && !(check->kinds & (*probed).kind)) {
+    } else if (!applies) {
       result.reason = "for " + kinds_text(check->kinds) + " only";
     } else {
       SharedMemory memory;

@@ -18,7 +18,7 @@ class Check : public Program {
   static std::string fixture(const std::string& name) { return CLEAVE_CONFORMANCE_FIXTURES "/" + name + ".so"; }
 };
 
-/// One table for each kind, a row for each check that applies to it, then the reasons of what was skipped.
+/// One table for each kind, a row for each check, then the reasons of what was skipped.
 std::string markdown(const ordered_json& reports) {
   std::map<std::string, std::vector<const ordered_json*>> kinds;
   for (const auto& report : reports) {
@@ -37,16 +37,13 @@ std::string markdown(const ordered_json& reports) {
     for (std::size_t row = 0; row < (*plugins.front())["checks"].size(); ++row) {
       const auto id = (*plugins.front())["checks"][row]["id"].get<std::string>();
       std::string line = "| `" + id + "` |";
-      bool applies = false;
       for (const auto* report : plugins) {
         const auto& check = (*report)["checks"][row];
         const auto verdict = check["verdict"].get<std::string>(), reason = check.value("reason", "");
-        const bool other_kind = verdict == "skipped" && reason.ends_with(" only");
-        applies = applies || !other_kind;
         line += verdict == "passed" ? " ✓ |" : verdict == "failed" ? " **failed** |" : " – |";
-        if (verdict == "skipped" && !other_kind) skipped["`" + id + "`: " + reason].push_back(name(*report));
+        if (verdict == "skipped") skipped["`" + id + "`: " + reason].push_back(name(*report));
       }
-      if (applies) out << line << "\n";
+      out << line << "\n";
     }
     out << "\n";
     for (const auto& [what, names] : skipped) {

@@ -21,13 +21,14 @@
 namespace cleave::testkit {
 namespace {
 
-/// A copy of a struct behind whose `size` bytes memory cannot be accessed.
+/// A copy of a struct behind whose `size` bytes, rounded up to a multiple of eight, memory cannot be accessed.
 class Truncated {
  public:
   Truncated(const void* source, std::size_t size) : page_(std::size_t(sysconf(_SC_PAGESIZE))) {
     memory_ = static_cast<char*>(mmap(nullptr, 2 * page_, PROT_READ | PROT_WRITE, MAP_PRIVATE | MAP_ANONYMOUS, -1, 0));
     if (memory_ == MAP_FAILED) throw Failed{"no memory for the check"};
-    data_ = memory_ + page_ - size;
+    constexpr std::size_t alignment = 8;
+    data_ = memory_ + page_ - (size + alignment - 1) / alignment * alignment;
     std::memcpy(data_, source, size);
     mprotect(memory_ + page_, page_, PROT_NONE);
   }

@@ -42,8 +42,8 @@ struct Report {
   bool passed() const;
 };
 
-/// Checks of these IDs, all if empty. Throws std::invalid_argument for an unknown ID. Call from a process that has no other
-/// threads running, for it forks.
+/// Checks of these IDs, all that apply to the kind if empty. Throws std::invalid_argument for an unknown ID. Call from a
+/// process that has no other threads running, for it forks.
 Report run_checks(const Options&, const std::vector<std::string>& ids = {});
 
 /// One line per check.
