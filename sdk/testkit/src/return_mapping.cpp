@@ -214,8 +214,8 @@ double stress_tolerance(const Mapping& map, const Symmetric3& trial, const Symme
 
 void for_each_mapping(Context& context, Forms forms,
                       const std::function<std::string(const Instance&, const Mapping&, Random&)>& body) {
-  bool applies = false;
-  std::string reason;
+  bool applies = false, same_reason = true;
+  std::string reason, first_settings;
   const auto ask = [&](const Settings& settings, const Instance& instance, Precision precision, const std::string& measure) {
     const Mapping map(instance, precision, measure);
     const std::string where = map.form() + ", with " + text(settings);
@@ -224,7 +224,11 @@ void for_each_mapping(Context& context, Forms forms,
     try {
       const std::string why_not = body(instance, map, random);
       applies = applies || why_not.empty();
-      if (!why_not.empty() && reason.empty()) reason = why_not + ", with " + text(settings);
+      if (reason.empty()) {
+        reason = why_not;
+        first_settings = text(settings);
+      }
+      same_reason = same_reason && why_not == reason;
     } catch (const Failed& failed) {
       throw Failed{failed.reason + "; " + where};
     }
@@ -239,7 +243,7 @@ void for_each_mapping(Context& context, Forms forms,
       for (const auto precision : all_precisions)
         for (const auto& measure : all_measures) ask(settings, instance, precision, measure);
   }
-  if (!applies) context.skip(reason);
+  if (!applies) context.skip(same_reason ? reason : reason + ", with " + first_settings);
 }
 
 }  // namespace cleave::testkit::plasticity
