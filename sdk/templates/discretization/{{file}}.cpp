@@ -18,6 +18,8 @@ using namespace cleave;
 ///
 /// w is the part of V_j inside the horizon. Poisson's ratio is 1/4, whatever the parameters. Forces along the bonds, equal
 /// and opposite, keep linear and angular momentum. Pieces that have come apart do not see each other.
+///
+/// find_bonds() says who pulls on whom, and how stiffly; pull() is the law.
 struct {{Type}} {
   static constexpr About about{.id = "{{kind}}/{{id}}",
                                .version = "1.0.0",
@@ -75,7 +77,7 @@ struct {{Type}} {
         const auto near = cubes.find(key(cube(i, 0) + n / 9 - 1, cube(i, 1) + n / 3 % 3 - 1, cube(i, 2) + n % 3 - 1));
         if (near == cubes.end()) continue;
         for (const std::size_t j : near->second) {
-          const double rest = distance(i, j);
+          const double rest = length(separation(i, j));
           if (j <= i || rest >= longest || rest == 0) continue;
           const double inside = std::min(1.0, (longest - rest) / spacing);  // w
           bonds.push_back({i, j, rest, c * inside * volume[i] * volume[j]});
@@ -91,10 +93,12 @@ struct {{Type}} {
       if (stiffness[i] > 0) largest_step = std::min(largest_step, 0.8 * std::sqrt(2 * mass[i] / stiffness[i]));
   }
 
-  double distance(std::size_t i, std::size_t j) const {
-    return std::hypot(position[3 * j] - position[3 * i], position[3 * j + 1] - position[3 * i + 1],
-                      position[3 * j + 2] - position[3 * i + 2]);
+  /// From point i to point j.
+  std::array<double, 3> separation(std::size_t i, std::size_t j) const {
+    const double *a = &position[3 * i], *b = &position[3 * j];
+    return {b[0] - a[0], b[1] - a[1], b[2] - a[2]};
   }
+  static double length(const std::array<double, 3>& y) { return std::sqrt(y[0] * y[0] + y[1] * y[1] + y[2] * y[2]); }
 
   double stable_step() const { return largest_step; }
 
@@ -119,11 +123,12 @@ struct {{Type}} {
     for (auto* sum : {&force, &energy, &damage}) std::fill(sum->begin(), sum->end(), 0.0);
     for (std::size_t b = 0; b < bonds.size(); ++b) {
       const auto& [i, j, rest, stiffness] = bonds[b];
-      const double length = distance(i, j), stretch = (length - rest) / rest;
+      const auto y = separation(i, j);
+      const double distance = length(y), stretch = (distance - rest) / rest;
       if (stretch > critical_stretch) intact[b] = 0;
       const double pulling = intact[b] * stiffness * stretch;
       for (std::size_t axis = 0; axis < 3; ++axis) {
-        const double along = (position[3 * j + axis] - position[3 * i + axis]) / std::max(length, 1e-9 * rest);
+        const double along = y[axis] / std::max(distance, 1e-9 * rest);
         force[3 * i + axis] += pulling * along;
         force[3 * j + axis] -= pulling * along;
       }

@@ -164,7 +164,7 @@ TEST_F(Discretization, MeetsCollidersAsGridNodesDo) {
       "pushed");
   const auto pushed = ply(frame("pushed", 2));
   for (std::size_t i = 0; i < pushed.at("x").size(); i++) {
-    EXPECT_LT(pushed.at("x")[i], 0.4 - 2 * 0.2 + 0.0041);
+    EXPECT_LT(pushed.at("x")[i], 0.4 - 2 * 0.2 + 1e-6) << "the wall as it stands at the end of the step";
     EXPECT_NEAR(pushed.at("vx")[i], pushed.at("x")[i] > -0.02 ? -2 : 0, 1e-5) << pushed.at("x")[i];
   }
 }
@@ -183,14 +183,19 @@ TEST_F(Discretization, FollowsHandlesUntilTheyLetGo) {
 }
 
 TEST_F(Discretization, HoldsPointsOfSeveralMaterialsWithOneHandle) {
-  const std::string bodies = material("dust", dust) + block("cloud", "dust") + material("rubber", rubber) +
-                             block("cushion", "rubber", "velocity = [0, 1, 0]\n");
+  const std::string bodies =
+      material("dust", dust) + block("cloud", "dust") + material("rubber", rubber) + block("cushion", "rubber");
   const std::string region = "region = { type = \"box\", center = [0, 1, 0], size = [1, 1, 1] }\n";
   const auto frames = run(scene(bodies + "[[handle]]\n" + region + "motion = { velocity = [1, 0, 0] }\n"));
   EXPECT_NEAR(last(frames, "center_of_mass_x"), 0.2, 1e-5);  // single precision
   EXPECT_NEAR(last(frames, "center_of_mass_y"), 1, 1e-5);
-  for (const char* body : {"cloud", "cushion"})
-    run(scene(bodies + "[[handle]]\nbody = \"" + body + "\"\n" + region, "precision = \"double\"\n"), body, "--steps 1");
+  // one that names a body leaves the others alone
+  for (const std::string body : {"cloud", "cushion"}) {
+    run(scene(bodies + "[[handle]]\nbody = \"" + body + "\"\n" + region), body, "--frames 1");
+    const auto points = ply(frame(body, 1));
+    for (std::size_t i = 0; i < 128; i++)
+      EXPECT_NEAR(points.at("vy")[i], (body == "cushion") == (i < 64) ? 0 : -1, 1e-4) << body << " " << i;
+  }
   write("scene.toml", scene(bodies + "[[handle]]\nregion = { type = \"sphere\", center = [9, 9, 9], radius = 1 }\n"));
   const Outcome nothing = with_plugins("run scene.toml");
   EXPECT_EQ(nothing.status, 2);
@@ -413,13 +418,16 @@ TEST_F(Discretization, TemplateStoresTheEnergyOfItsBulkModulus) {
 
 TEST_F(Discretization, DamageIsPartOfAllBodies) {
   write("points.csv", swelling(3, 5, 0.1, 10));
+  write("torn.csv", "x,y,z,volume,F00,F01,F02,F10,F11,F12,F20,F21,F22\n9,0,0,0.011,1.5,0,0,0,1.5,0,0,0,1.5\n");
   const auto frames =
       run(scene(material("solid", "discretization = { plugin = \"brittle\", bulk_modulus = 1e5, critical_stretch = 1e-6 }") +
-                "[[body]]\nname = \"broken\"\nmaterial = \"solid\"\nparticles = \"points.csv\"\n" + material("rubber", rubber) +
-                block("cushion", "rubber")),
+                "[[body]]\nname = \"broken\"\nmaterial = \"solid\"\nparticles = \"points.csv\"\n" +  //
+                material("rubber", rubber) + block("cushion", "rubber") +
+                material("glass", rubber + "\ndamage = { plugin = \"rankine\", failure_stress = 1, softening = 2 }") +
+                "[[body]]\nname = \"torn\"\nmaterial = \"glass\"\nparticles = \"torn.csv\"\n"),
           "run", "--frames 1");
   EXPECT_EQ(last(frames, "maximum_damage"), 1);
-  EXPECT_NEAR(last(frames, "damaged_fraction"), 0.125 / (0.125 + 0.064), 1e-6);
+  EXPECT_NEAR(last(frames, "damaged_fraction"), (0.125 + 0.011) / (0.125 + 0.064 + 0.011), 1e-6);
   EXPECT_EQ(numbers(frames.at("damaged_fraction")).front(), 0);
 }
 
