@@ -346,15 +346,19 @@ TEST_F(Witnessed, WhatIsHeldStaysWhateverTheLawDoes) {
   s.scene.handles.push_back(hold(Vector3(0.1, 0.2, 0), Vector3(0.2, 1, 1)));
   auto simulation = start(s);
   simulation->step(1);
-  int inside = 0, pushed = 0;
+  int inside = 0, between = 0, pushed = 0;
   for (const auto& p : simulation->state()) {
-    if (p.position.x() < 0.05) {  // all of its nodes are the handle's
+    if (p.position.x() < 0.1) {  // all of its nodes are the handle's
       EXPECT_EQ(p.velocity_gradient(0, 0), 0);
       inside++;
+    } else if (p.position.x() > 0.2 && p.position.x() < 0.3) {  // from the handle's to those that are pushed
+      EXPECT_GT(p.velocity_gradient(0, 0), 10);
+      between++;
     }
     pushed += p.velocity.x() > 6.9;
   }
-  EXPECT_EQ(inside, 8);
+  EXPECT_EQ(inside, 16);
+  EXPECT_EQ(between, 16);
   EXPECT_GE(pushed, 8);
 }
 

@@ -294,6 +294,22 @@ TEST_P(GridProjection, SaysThatNothingCanBeDoneWhereEverythingIsHeld) {
   EXPECT_EQ(s.velocity, before);
 }
 
+TEST_P(GridProjection, DoesNotActWithTheRoundingOfARowAlongAHeldNormal) {
+  const unsigned d = GetParam();
+  System s(d, 5);
+  Projection projection(s.abi);
+  for (std::uint64_t n = 0; n < s.abi.node_count; n++) {
+    s.fix_along_normal(n);
+    std::array<double, 3> coefficients{};
+    for (unsigned a = 0; a < d; a++) coefficients[a] = 3 * s.normal[n * d + a];
+    projection.begin_row(5);
+    projection.add(n, coefficients);
+  }
+  const std::vector<double> before = s.velocity;
+  EXPECT_EQ(projection.solve().residual, 1);
+  EXPECT_EQ(s.velocity, before);
+}
+
 TEST_P(GridProjection, LeavesTheRoundingOfARotationAlone) {
   const unsigned d = GetParam();
   System s(d, 30);
