@@ -3,7 +3,9 @@
 #define CLEAVE_TESTKIT_CHECK_HPP
 
 #include <cstdint>
+#include <exception>
 #include <string>
+#include <utility>
 #include <vector>
 
 namespace cleave::testkit {
@@ -32,11 +34,17 @@ struct Check {
   void (*run)(Context&);
 };
 
-struct Failed {
+/// Why a check ended. An exception, so that it also tells a test that uses the kit by itself.
+struct Ended : std::exception {
+  explicit Ended(std::string why) : reason(std::move(why)) {}
+  const char* what() const noexcept override { return reason.c_str(); }
   std::string reason;
 };
-struct Skipped {
-  std::string reason;
+struct Failed : Ended {
+  using Ended::Ended;
+};
+struct Skipped : Ended {
+  using Ended::Ended;
 };
 
 /// All checks, in the order of their numbers.
