@@ -11,7 +11,7 @@ namespace {
 
 class ConstraintScene : public Program {
  protected:
-  static constexpr const char* plugins = "CLEAVE_PLUGIN_PATH='" CLEAVE_CONSTRAINT_PLUGINS "'";
+  static constexpr const char* plugins = "CLEAVE_PLUGIN_PATH='" CLEAVE_CONSTRAINT_PLUGINS ":" CLEAVE_FAILING_PLUGINS "'";
 
   static std::string replaced(std::string text, const std::string& from, const std::string& to) {
     const std::size_t at = text.find(from);
@@ -104,6 +104,15 @@ TEST_F(ConstraintScene, StoresTheDeformationGradient) {
       "'material.plain.fibers.direction=[1,0,0]' --set 'output.attributes=[\"b\"]'");
   EXPECT_NE(both.status, 0);
   EXPECT_NE(both.err.find("unknown name \"b\""), std::string::npos) << both.err;
+}
+
+TEST_F(ConstraintScene, CannotBeOfALawThatDoesNotTakeF) {
+  write("scene.toml", replaced(hanging(), "{ plugin = \"split-neo-hookean\", youngs_modulus = 3e4, poissons_ratio = 0.3 }",
+                               "{ plugin = \"careless\", stiffness = 1e5, limit = 1 }"));
+  const Outcome run = cleave("run scene.toml --out run --set simulation.precision=double --set simulation.time_step=1e-3");
+  EXPECT_EQ(run.status, 2) << run.err;
+  EXPECT_NE(run.err.find("elasticity/careless accepts only b, but constraint/fixed-length needs F"), std::string::npos)
+      << run.err;
 }
 
 TEST_F(ConstraintScene, ThatFailsEndsTheRunNamingThePlugin) {
