@@ -39,7 +39,8 @@ struct FrameRecord {
   double time = 0;
   std::int64_t steps = 0;  ///< since the previous frame
   double time_step = 0;    ///< last one, s
-  std::string limited_by;  ///< "elastic wave", "particle speed", "explicit damage", "maximum", "fixed", "frame"
+  std::string limited_by;  ///< "elastic wave", "particle speed", "explicit damage", "maximum", "fixed", "frame",
+                           ///< "discretization"
   double kinetic_energy = 0, elastic_energy = 0, gravity_energy = 0;  ///< J
   Vector3 momentum = Vector3::Zero();                                 ///< kg m/s
   Vector3 angular_momentum = Vector3::Zero();                         ///< kg m^2/s, about the origin

@@ -39,8 +39,8 @@ typedef struct cleave_surroundings {
   uint32_t reserved;
   double gravity[3]; /* m/s^2 */
   void* user;
-  /* Replaces the velocities (3 per point) of `count` points at `position` by what the colliders of the scene allow.
-   * [any-thread] */
+  /* Replaces the velocities (3 per point) of `count` points at `position` by what the colliders of the scene, where they
+   * are at the end of the step, allow. [any-thread] */
   void (*collide)(void* user, uint64_t count, const double* position, double* velocity);
   /* Position (m, 3) and velocity (m/s, 3) at the end of the step of a point or vertex of a body (enum cleave_entity) that a
    * handle moves; returns 0 and writes nothing if it is free. [any-thread] */

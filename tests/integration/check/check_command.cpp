@@ -26,7 +26,9 @@ std::string markdown(const ordered_json& reports) {
     kinds[id.substr(0, id.find('/'))].push_back(&report);
   }
   std::ostringstream out;
-  for (const auto& [kind, plugins] : kinds) {
+  for (const std::string kind : {"elasticity", "plasticity", "damage", "constraint", "discretization"}) {
+    const auto& plugins = kinds[kind];
+    if (plugins.empty()) continue;
     const auto name = [&](const ordered_json& report) { return report["plugin"].get<std::string>().substr(kind.size() + 1); };
     out << "### " << kind << "\n\n| |";
     for (const auto* report : plugins) out << " " << name(*report) << " |";
