@@ -48,7 +48,7 @@ typedef struct cleave_constraint_report {
 typedef struct cleave_constraint {
   uint32_t struct_size;
   uint32_t reserved;
-  /* May allocate; is called once per step. [main-thread] */
+  /* May allocate; is called once per step, and pass of damage. [main-thread] */
   cleave_result (*project)(cleave_instance*, const cleave_constraint_system*, cleave_constraint_report*, cleave_message*);
 } cleave_constraint;
 
