@@ -10,6 +10,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <cstddef>
 #include <set>
 #include <sstream>
 
@@ -28,19 +29,40 @@ std::string text(const char* value, const std::string& what) {
   return value;
 }
 
+/// Size of a struct in version 1.0, by its last member there: what every plugin of major version 1 has. Members that a later
+/// minor version appends are looked at behind CLEAVE_HAS.
 template <class Struct>
-const Struct& whole(const Struct* pointer, std::size_t size_in_this_major, const std::string& what) {
+constexpr std::size_t first_size = 0;
+#define CLEAVE_FIRST_SIZE(type, last) \
+  template <>                         \
+  constexpr std::size_t first_size<type> = offsetof(type, last) + sizeof(type::last)
+CLEAVE_FIRST_SIZE(cleave_plugin, initial_state);
+CLEAVE_FIRST_SIZE(cleave_about, source);
+CLEAVE_FIRST_SIZE(cleave_schema, capabilities);
+CLEAVE_FIRST_SIZE(cleave_parameter_schema, needs);
+CLEAVE_FIRST_SIZE(cleave_state_schema, initial);
+CLEAVE_FIRST_SIZE(cleave_alternatives, optional);
+CLEAVE_FIRST_SIZE(cleave_elasticity, evaluate_f64);
+CLEAVE_FIRST_SIZE(cleave_plasticity, return_map_f64);
+CLEAVE_FIRST_SIZE(cleave_damage, drive_f64);
+CLEAVE_FIRST_SIZE(cleave_constraint, project);
+CLEAVE_FIRST_SIZE(cleave_discretization, restore);
+#undef CLEAVE_FIRST_SIZE
+
+template <class Struct>
+const Struct& whole(const Struct* pointer, const std::string& what) {
+  static_assert(first_size<Struct> > 0);
   require(pointer != nullptr, what + " is null");
-  require(pointer->struct_size >= size_in_this_major, what + " is too small: struct_size " +
+  require(pointer->struct_size >= first_size<Struct>, what + " is too small: struct_size " +
                                                           std::to_string(pointer->struct_size) + ", this ABI needs " +
-                                                          std::to_string(size_in_this_major));
+                                                          std::to_string(first_size<Struct>));
   return *pointer;
 }
 
 template <class Element>
 const Element& element(const Element* const* array, std::uint32_t index, const std::string& what) {
   require(array != nullptr, what + "s are counted but their array is null");
-  return whole(array[index], sizeof(Element), what + " " + std::to_string(index));
+  return whole(array[index], what + " " + std::to_string(index));
 }
 
 bool is_lower_word(std::string_view word, char separator) {
@@ -145,7 +167,6 @@ Alternatives copy(const cleave_alternatives& schema) {
   return alternatives;
 }
 
-/// Struct sizes are those of major version 1, minor 0: what every plugin of this major has.
 void check_functions(Kind kind, const void* table, const Description& description) {
   const auto precisions = [&](bool single_precision, bool double_precision, const char* function) {
     require(single_precision == description.can(CLEAVE_SINGLE),
@@ -156,29 +177,28 @@ void check_functions(Kind kind, const void* table, const Description& descriptio
   };
   switch (kind) {
     case Kind::elasticity: {
-      const auto& t = whole(static_cast<const cleave_elasticity*>(table), sizeof(cleave_elasticity), "the elasticity table");
+      const auto& t = whole(static_cast<const cleave_elasticity*>(table), "the elasticity table");
       precisions(t.evaluate_f32, t.evaluate_f64, "evaluate");
       break;
     }
     case Kind::plasticity: {
-      const auto& t = whole(static_cast<const cleave_plasticity*>(table), sizeof(cleave_plasticity), "the plasticity table");
+      const auto& t = whole(static_cast<const cleave_plasticity*>(table), "the plasticity table");
       precisions(t.return_map_f32, t.return_map_f64, "return_map");
       break;
     }
     case Kind::damage: {
-      const auto& t = whole(static_cast<const cleave_damage*>(table), sizeof(cleave_damage), "the damage table");
+      const auto& t = whole(static_cast<const cleave_damage*>(table), "the damage table");
       require(t.model != nullptr, "the damage table has no model()");
       precisions(t.drive_f32, t.drive_f64, "drive");
       break;
     }
     case Kind::constraint: {
-      const auto& t = whole(static_cast<const cleave_constraint*>(table), sizeof(cleave_constraint), "the constraint table");
+      const auto& t = whole(static_cast<const cleave_constraint*>(table), "the constraint table");
       require(t.project != nullptr, "the constraint table has no project()");
       break;
     }
     case Kind::discretization: {
-      const auto& t =
-          whole(static_cast<const cleave_discretization*>(table), sizeof(cleave_discretization), "the discretization table");
+      const auto& t = whole(static_cast<const cleave_discretization*>(table), "the discretization table");
       require(t.add_body && t.stable_step && t.step && t.point_field && t.surface && t.save && t.restore,
               "the discretization table has a null function");
       break;
@@ -248,17 +268,17 @@ Description describe(const cleave_plugin& plugin) {
   Description description;
   description.abi_major = plugin.abi.major;
   description.abi_minor = plugin.abi.minor;
-  whole(&plugin, sizeof(cleave_plugin), "the plugin table");
+  whole(&plugin, "the plugin table");
   require(plugin.kind && plugin.extension && plugin.create && plugin.destroy, "the plugin table has a null function");
 
-  const auto& about = whole(plugin.about, offsetof(cleave_about, budget_ns), "the plugin's \"about\"");
+  const auto& about = whole(plugin.about, "the plugin's \"about\"");
   description.id = text(about.id, "the plugin's id");
   description.version = text(about.version, "the plugin's version");
   description.author = text(about.author, "the plugin's author");
   description.summary = text(about.summary, "the plugin's summary");
   description.source = text(about.source, "the plugin's source");
 
-  const auto& schema = whole(plugin.schema, sizeof(cleave_schema), "the plugin's schema");
+  const auto& schema = whole(plugin.schema, "the plugin's schema");
   description.capabilities = schema.capabilities;
   for (std::uint32_t i = 0; i < schema.parameter_count; ++i)
     description.parameters.push_back(copy(element(schema.parameters, i, "parameter"), i));

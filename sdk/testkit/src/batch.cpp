@@ -10,7 +10,9 @@
 
 #include <algorithm>
 #include <cmath>
+#include <cstdio>
 #include <cstring>
+#include <exception>
 #include <limits>
 
 namespace cleave::testkit {
@@ -267,7 +269,17 @@ cleave_batch& PreparedCall::batch() { return memory_->batch; }
 
 cleave_result PreparedCall::call() noexcept {
   std::memset(memory_->status.data(), CLEAVE_STATUS_OK, memory_->count);
-  return memory_->function(memory_->instance.handle(), &memory_->batch);
+  const auto thrown = [&](const char* what) {
+    std::snprintf(memory_->words.text, sizeof memory_->words.text, "an exception left the plugin: %s", what);
+    return CLEAVE_ERROR_INTERNAL;
+  };
+  try {
+    return memory_->function(memory_->instance.handle(), &memory_->batch);
+  } catch (const std::exception& error) {
+    return thrown(error.what());
+  } catch (...) {
+    return thrown("no std::exception");
+  }
 }
 
 Answer PreparedCall::answer() const {

@@ -218,6 +218,28 @@ bool Report::passed() const {
   return std::none_of(results.begin(), results.end(), [](const Result& r) { return r.verdict == Verdict::failed; });
 }
 
+namespace {
+/// Verdict, ID and kind of the library.
+void probe(const Options& options, Shared& probed) {
+  isolated(
+      [&](Shared& shared) {
+        const Plugin plugin(options.library);
+        copy(shared.id, plugin.id());
+        shared.kind = plugin.kind();
+      },
+      probed, options.time_limit);
+}
+}  // namespace
+
+std::vector<const char*> applicable_checks(const Options& options) {
+  SharedMemory probed;
+  probe(options, *probed);
+  std::vector<const char*> ids;
+  for (const Check& check : all_checks())
+    if ((*probed).verdict != Verdict::passed || (check.kinds & (*probed).kind)) ids.push_back(check.id);
+  return ids;
+}
+
 Report run_checks(const Options& options, const std::vector<std::string>& ids) {
   std::vector<const Check*> chosen;
   for (const Check& check : all_checks())
@@ -229,13 +251,7 @@ Report run_checks(const Options& options, const std::vector<std::string>& ids) {
   Report report;
   report.library = options.library;
   SharedMemory probed;
-  isolated(
-      [&](Shared& shared) {
-        const Plugin plugin(options.library);
-        copy(shared.id, plugin.id());
-        shared.kind = plugin.kind();
-      },
-      *probed, options.time_limit);
+  probe(options, *probed);
   report.id = (*probed).id;
 
   for (const Check* check : chosen) {

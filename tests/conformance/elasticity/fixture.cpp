@@ -12,6 +12,7 @@
 #include <cstdio>
 #include <cstring>
 #include <limits>
+#include <stdexcept>
 
 #include "kit/broken.hpp"
 
@@ -195,6 +196,7 @@ struct Batch {
   }
 
   cleave_result evaluate(const cleave_instance& instance) const {
+    if (broken("throws") && batch.count == 100) throw std::runtime_error("a hundred are too many");
     const bool tangent = field(CLEAVE_FIELD_DELTA_P);
     if (!field(CLEAVE_FIELD_F) || (tangent && !field(CLEAVE_FIELD_DELTA_F))) return CLEAVE_ERROR_UNSUPPORTED;
     for (std::uint32_t k = 0; k < batch.count; ++k) {

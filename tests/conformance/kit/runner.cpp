@@ -28,6 +28,10 @@ TEST(ConformanceRun, SaysHowAPluginEnded) {
               HasSubstr("ended the process with exit status 0"));
   EXPECT_THAT(run_checks(fixture("writes_input"), {"call.inputs-unchanged"}).results.at(0).reason,
               HasSubstr("Segmentation fault, given inputs in read-only memory"));
+  setenv(CLEAVE_DEFECT_VARIABLE, "throws", 1);
+  EXPECT_THAT(run_checks(fixture("broken_elasticity"), {"call.deterministic"}).results.at(0).reason,
+              HasSubstr("an exception left the plugin: a hundred are too many"));
+  unsetenv(CLEAVE_DEFECT_VARIABLE);
   Options hanging = fixture("hangs");
   hanging.time_limit = 0.3;
   EXPECT_THAT(run_checks(hanging, {"abi.unknown-names"}).results.at(0).reason, HasSubstr("did not end within 0.3 s"));

@@ -46,6 +46,9 @@ struct Report {
 /// process that has no other threads running, for it forks.
 Report run_checks(const Options&, const std::vector<std::string>& ids = {});
 
+/// IDs of the checks for the library's kind; all if it cannot be loaded.
+std::vector<const char*> applicable_checks(const Options&);
+
 /// One line per check.
 std::string to_table(const Report&);
 std::string to_json(const std::vector<Report>&);
