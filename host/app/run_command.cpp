@@ -4,6 +4,7 @@
 #include "config/scene.hpp"
 #include "discretization/simulation.hpp"
 #include "mpm/law_watch.hpp"
+#include "output/background.hpp"
 #include "output/frame.hpp"
 #include "output/progress.hpp"
 
@@ -138,36 +139,43 @@ int run_command(const RunOptions& options, plugins::Registry& registry) {
   output::Progress progress(end_time, simulation->particles(),
                             options.quiet ? output::Progress::Mode::quiet : output::Progress::mode_for(2));
   const mpm::CrashDump crash_dump(out / "failed_batch.json");
-  double stepping = 0, writing = 0;
-  int frames_written = 0;
-  const auto write_frame = [&](int index) {
+  // Half of the threads at most: the others step. A single one cannot do both at once.
+  output::BackgroundWriter frames(writer, threads / 2, [&] { return seconds_since(begin); });
+  double stepping = 0, output_wait = 0;
+  int frames_taken = 0;
+  const auto wait_for_frames = [&] {
+    const auto t = Clock::now();
+    frames.wait();
+    output_wait += seconds_since(t);
+  };
+  const auto take_frame = [&](int index) {
+    wait_for_frames();  // before the particles are copied: one copy is enough
     const auto t = Clock::now();
     auto record = simulation->measure();
     record.frame = index;
-    writer.frame(simulation->frame(index));
-    record.wall_seconds = seconds_since(begin);
-    writer.record(record);
     progress.frame(record);
-    frames_written++;
-    writing += seconds_since(t);
+    frames.write(simulation->frame(index), std::move(record));
+    frames_taken++;
+    output_wait += seconds_since(t);
   };
   const auto write_summary = [&](const char* status) {
     summary.status = status;
     summary.steps = simulation->steps();
-    summary.frames = frames_written;
+    summary.frames = frames.frames();
     summary.simulated_seconds = simulation->time();
     summary.wall_seconds = seconds_since(begin);
     summary.particle_steps_per_second =
         stepping > 0 ? double(simulation->particles()) * double(simulation->steps()) / stepping : 0;
     summary.stage_seconds = simulation->stage_seconds();
-    summary.stage_seconds.emplace_back("output", writing);
+    summary.stage_seconds.emplace_back("output", output_wait);
+    if (frames.seconds() > 0) summary.stage_seconds.emplace_back("output in the background", frames.seconds());
     summary.limits = simulation->limits();
     writer.summary(summary);
   };
 
   const char* status = "done";
   try {
-    write_frame(0);
+    take_frame(0);
     for (int f = 1; f <= last_frame && !interrupted; f++) {
       const double target = f == last_frame && !options.frames ? sim.end_time : std::min(f * interval, sim.end_time);
       while (simulation->time() < target && !interrupted) {
@@ -175,20 +183,27 @@ int run_command(const RunOptions& options, plugins::Registry& registry) {
         const auto t = Clock::now();
         simulation->step(target);
         stepping += seconds_since(t);
+        frames.check();
         progress.step(simulation->time(), simulation->steps(), f);
       }
       if (interrupted) break;
-      write_frame(f);
+      take_frame(f);
       if (options.steps && simulation->steps() >= *options.steps) break;
     }
     if (interrupted) {
       status = "interrupted";
-      write_frame(frames_written);
+      take_frame(frames_taken);
     }
+    wait_for_frames();
   } catch (const SimulationError& e) {
     progress.finish("");
     fmt::print(stderr, "error: the simulation failed: {}\n", e.what());
-    writer.text("failed_state.csv", particle_csv(simulation->frame(frames_written)));
+    try {
+      wait_for_frames();
+    } catch (const InputError& unwritten) {
+      fmt::print(stderr, "{}\n", unwritten.what());
+    }
+    writer.text("failed_state.csv", particle_csv(simulation->frame(frames_taken)));
     writer.text("failure.txt", std::string(e.what()) + "\n");
     const bool law_failed = !simulation->failed_batch().empty();
     std::error_code ignored;

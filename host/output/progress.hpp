@@ -28,7 +28,7 @@ class Progress {
   /// After each step, or each few: simulated time, steps since the start and the frame being worked on. Costs a look at the
   /// clock.
   void step(double time, std::int64_t steps, int frame);
-  void frame(const FrameRecord&);           ///< a frame has been written
+  void frame(const FrameRecord&);           ///< a frame has been reached
   void finish(const std::string& message);  ///< clears the bar and prints the message
 
  private:
