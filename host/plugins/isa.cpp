@@ -3,7 +3,7 @@
 #include "common/error.hpp"
 
 #include <cstdlib>
-#include <string_view>
+#include <string>
 
 namespace cleave::plugins {
 namespace {
@@ -23,24 +23,35 @@ int supported_level() {
 #endif
 }
 
+std::string directory(int level) { return "x86-64-v" + std::to_string(level); }
+
+/// The level of this name; `said` is what the user said. Throws InputError if there is none or this processor lacks it.
+int level_named(const std::string& name, const std::string& said) {
+  const int supported = supported_level();
+  for (int level = 2; level <= 4; ++level) {
+    if (name != directory(level)) continue;
+    if (level > supported)
+      throw InputError(said + ": this processor supports at most " + (supported ? directory(supported) : "its own baseline"));
+    return level;
+  }
+  throw InputError(said + ": must be x86-64-v2, x86-64-v3 or x86-64-v4");
+}
+
 }  // namespace
 
 std::vector<std::string> preferred_isa_directories() {
-  const int supported = supported_level();
-  const auto directory = [](int level) { return "x86-64-v" + std::to_string(level); };
   if (const char* forced = std::getenv("CLEAVE_ISA"); forced && *forced) {
-    for (int level = 2; level <= 4; ++level) {
-      if (forced != directory(level)) continue;
-      if (level > supported)
-        throw InputError("CLEAVE_ISA=" + std::string(forced) + ": this processor supports at most " +
-                         (supported ? directory(supported) : "its own baseline"));
-      return level == 2 ? std::vector<std::string>{} : std::vector<std::string>{directory(level)};
-    }
-    throw InputError("CLEAVE_ISA=" + std::string(forced) + ": must be x86-64-v2, x86-64-v3 or x86-64-v4");
+    const int level = level_named(forced, "CLEAVE_ISA=" + std::string(forced));
+    return level == 2 ? std::vector<std::string>{} : std::vector<std::string>{directory(level)};
   }
   std::vector<std::string> directories;
-  for (int level = supported; level >= 3; --level) directories.push_back(directory(level));
+  for (int level = supported_level(); level >= 3; --level) directories.push_back(directory(level));
   return directories;
+}
+
+void force_isa(const std::string& name) {
+  level_named(name, "--isa " + name);
+  setenv("CLEAVE_ISA", name.c_str(), 1);
 }
 
 }  // namespace cleave::plugins

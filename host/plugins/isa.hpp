@@ -10,4 +10,8 @@ namespace cleave::plugins {
 /// InputError if CLEAVE_ISA names a level that does not exist or that this processor lacks.
 std::vector<std::string> preferred_isa_directories();
 
+/// What the option --isa does: CLEAVE_ISA is this level from here on. Throws InputError as above. [main-thread], before plugins
+/// and kernels are loaded.
+void force_isa(const std::string& level);
+
 }  // namespace cleave::plugins
