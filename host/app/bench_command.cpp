@@ -1,13 +1,19 @@
 #include "app/bench_command.hpp"
 
+#include "bench/gnuplot.hpp"
 #include "bench/report.hpp"
+#include "bench/step_report.hpp"
 #include "common/error.hpp"
 #include "output/atomic_file.hpp"
 
+#include <fmt/format.h>
+#include <tbb/info.h>
 #include <toml++/toml.h>
 #include <CLI/CLI.hpp>
 
+#include <algorithm>
 #include <cstdio>
+#include <functional>
 
 namespace cleave::app {
 namespace {
@@ -47,13 +53,10 @@ plugins::Value as_declared(const plugins::Description& law, const std::string& k
   return value;
 }
 
-bench::KernelOptions to_kernel_options(const BenchOptions& options, const plugins::Registry& registry) {
-  bench::KernelOptions kernels{.points = options.points,
-                               .repeats = options.repeats,
-                               .plugins = options.plugins,
-                               .elasticity = options.elasticity,
-                               .parameters = {}};
-  for (const auto& set : options.sets) {
+std::map<std::string, plugins::GivenParameters> parse_sets(const std::vector<std::string>& sets,
+                                                           const plugins::Registry& registry) {
+  std::map<std::string, plugins::GivenParameters> parameters;
+  for (const auto& set : sets) {
     const std::string option = "--set " + set;
     const auto equals = set.find('='), dot = set.find('.');
     if (equals == std::string::npos || dot == 0 || dot > equals || dot + 1 == equals)
@@ -61,9 +64,67 @@ bench::KernelOptions to_kernel_options(const BenchOptions& options, const plugin
     const std::string id = set.substr(0, dot), key = set.substr(dot + 1, equals - dot - 1);
     const auto* law = registry.find(id);
     if (!law) refuse(option, registry.unknown_id(id));
-    kernels.parameters[id][key] = as_declared(*law, key, parse_value(option, set.substr(equals + 1)));
+    parameters[id][key] = as_declared(*law, key, parse_value(option, set.substr(equals + 1)));
   }
-  return kernels;
+  return parameters;
+}
+
+void check_chart(const std::optional<std::filesystem::path>& chart) {
+  if (!chart) return;
+  if (chart->extension() != ".svg") refuse("--chart", "the chart is an .svg file");
+  if (!bench::gnuplot_is_installed())
+    refuse("--chart", "gnuplot is not installed; install it (Debian: gnuplot-nox), or leave out --chart");
+}
+
+config::Precision precision_named(const std::string& name) {
+  return name == "single" ? config::Precision::single_precision : config::Precision::double_precision;
+}
+
+bench::StepSampling to_sampling(const BenchStepsOptions& options, config::Precision precision) {
+  bench::StepSampling sampling{
+      .threads = options.threads, .precisions = {}, .steps = options.steps, .repeats = options.repeats};
+  if (sampling.threads.empty()) {
+    sampling.threads = {1};
+    if (const int all = tbb::info::default_concurrency(); all > 1) sampling.threads.push_back(all);
+  }
+  for (const auto& name : options.precisions) sampling.precisions.push_back(precision_named(name));
+  if (sampling.precisions.empty()) sampling.precisions.push_back(precision);
+  return sampling;
+}
+
+/// Whether a list holds different values, and so makes an axis of a chart.
+template <class T>
+bool varies(const std::vector<T>& values) {
+  return std::adjacent_find(values.begin(), values.end(), std::not_equal_to<T>()) != values.end();
+}
+
+bench::StepResults measure(const BenchStepsOptions& options, plugins::Registry& registry) {
+  constexpr const char* wanted = "needs several --threads, or several --particles of a block";
+  if (!options.scene.empty()) {
+    const auto only_blocks = [](const char* option, bool given) {
+      if (given) refuse(option, "is for blocks; a scene says so itself");
+    };
+    only_blocks("--particles", !options.particles.empty());
+    only_blocks("--materials", !options.materials.empty());
+    only_blocks("--dimension", options.dimension.has_value());
+    std::vector<config::Override> overrides;
+    for (const auto& set : options.sets) overrides.push_back(config::parse_override(set));
+    std::vector<std::string> warnings;
+    const config::Scene scene = config::load_scene(options.scene, overrides, registry, &warnings);
+    for (const auto& warning : warnings) fmt::print(stderr, "{}\n", warning);
+    const auto sampling = to_sampling(options, scene.simulation.precision);
+    if (options.chart && !varies(sampling.threads)) refuse("--chart", wanted);
+    return bench::measure_steps(scene, sampling, registry);
+  }
+  const auto sampling = to_sampling(options, config::Precision::single_precision);
+  if (options.chart && !varies(sampling.threads) && !varies(options.particles)) refuse("--chart", wanted);
+  bench::BlockOptions blocks{.materials = options.materials,
+                             .particles = options.particles,
+                             .dimension = options.dimension.value_or(3),
+                             .parameters = parse_sets(options.sets, registry)};
+  if (blocks.particles.empty()) blocks.particles = {1000000};
+  if (blocks.materials == std::vector<std::string>{"all"}) blocks.materials.clear();
+  return bench::measure_steps(blocks, sampling, registry);
 }
 
 void write(const std::filesystem::path& target, const std::string& text) {
@@ -92,13 +153,48 @@ void add_bench_options(CLI::App& cli, BenchOptions& options) {
 }
 
 int bench_command(const BenchOptions& options, plugins::Registry& registry) {
-  if (options.chart && options.chart->extension() != ".svg") refuse("--chart", "the chart is an .svg file");
-  if (options.chart && !bench::gnuplot_is_installed())
-    refuse("--chart", "gnuplot is not installed; install it (Debian: gnuplot-nox), or leave out --chart");
-  const auto kernels = to_kernel_options(options, registry);
+  check_chart(options.chart);
+  const bench::KernelOptions kernels{.points = options.points,
+                                     .repeats = options.repeats,
+                                     .plugins = options.plugins,
+                                     .elasticity = options.elasticity,
+                                     .parameters = parse_sets(options.sets, registry)};
   const auto results = bench::measure_kernels(kernels, registry);
   std::fputs(bench::table_text(kernels, results).c_str(), stdout);
   if (options.json) write(*options.json, bench::json_text(kernels, results));
+  if (options.chart) write(*options.chart, bench::chart_svg(results));
+  return 0;
+}
+
+void add_bench_steps_options(CLI::App& cli, BenchStepsOptions& options) {
+  cli.add_option("scene", options.scene, "Scene file (TOML) to measure in place of blocks");
+  const auto list = [](CLI::Option* option) { return option->delimiter(',')->allow_extra_args(false); };
+  list(cli.add_option("--particles", options.particles, "Sizes of the blocks, separated by commas (default: 1000000)"))
+      ->check(CLI::Range(std::int64_t(100), std::int64_t(1000000000)));
+  list(cli.add_option("--materials", options.materials,
+                      "IDs of laws, separated by commas; ID+ID for laws together; all: every law, with an elastic law that "
+                      "suits it (default: all)"));
+  cli.add_option("--dimension", options.dimension, "3, or 2 for plane strain (default: 3)")->check(CLI::IsMember({2, 3}));
+  list(cli.add_option("--threads", options.threads, "Numbers of threads, separated by commas (default: one, and all)"))
+      ->check(CLI::Range(1, 1024));
+  list(cli.add_option("--precision", options.precisions, "single, double, or both (default: single, or the scene's)"))
+      ->check(CLI::IsMember({"single", "double"}));
+  cli.add_option("--steps", options.steps, "Steps of a sample")->check(CLI::Range(1, 1000000))->capture_default_str();
+  cli.add_option("--repeats", options.repeats, "Samples of which the median is taken")
+      ->check(CLI::Range(1, 100000))
+      ->capture_default_str();
+  cli.add_option("--set", options.sets, "Parameter of a law: ID.PARAMETER=VALUE; with a scene: path=value (repeatable)")
+      ->allow_extra_args(false);
+  cli.add_flag("--markdown", options.markdown, "Print a Markdown table");
+  cli.add_option("--json", options.json, "Also write the numbers to this file");
+  cli.add_option("--chart", options.chart, "Also draw speed over particles and over threads, as SVG (needs gnuplot)");
+}
+
+int bench_steps_command(const BenchStepsOptions& options, plugins::Registry& registry) {
+  check_chart(options.chart);
+  const auto results = measure(options, registry);
+  std::fputs((options.markdown ? bench::markdown_text(results) : bench::table_text(results)).c_str(), stdout);
+  if (options.json) write(*options.json, bench::json_text(results));
   if (options.chart) write(*options.chart, bench::chart_svg(results));
   return 0;
 }

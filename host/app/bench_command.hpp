@@ -3,6 +3,7 @@
 #include "plugins/registry.hpp"
 
 #include <cstddef>
+#include <cstdint>
 #include <filesystem>
 #include <optional>
 #include <string>
@@ -23,10 +24,27 @@ struct BenchOptions {
   std::optional<std::filesystem::path> json, chart;
 };
 
-/// Declares the options of `cleave bench kernels`.
+struct BenchStepsOptions {
+  std::filesystem::path scene;          ///< empty: blocks
+  std::vector<std::int64_t> particles;  ///< empty: a million
+  std::vector<std::string> materials;   ///< empty: all
+  std::optional<int> dimension;         ///< empty: 3
+  std::vector<int> threads;             ///< empty: one and all
+  std::vector<std::string> precisions;  ///< empty: single, or the scene's
+  int steps = 40, repeats = 5;
+  std::vector<std::string> sets;  ///< of parameters; with a scene "path=value"
+  bool markdown = false;
+  std::optional<std::filesystem::path> json, chart;
+};
+
+/// Declares the options of `cleave bench kernels` and `cleave bench steps`.
 void add_bench_options(CLI::App&, BenchOptions&);
+void add_bench_steps_options(CLI::App&, BenchStepsOptions&);
 
 /// `cleave bench kernels`. Returns the exit status, 0. Throws InputError.
 int bench_command(const BenchOptions&, plugins::Registry&);
+
+/// `cleave bench steps`. Returns the exit status, 0. Throws InputError and SimulationError.
+int bench_steps_command(const BenchStepsOptions&, plugins::Registry&);
 
 }  // namespace cleave::app

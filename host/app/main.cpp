@@ -6,6 +6,7 @@
 #include "app/run_command.hpp"
 #include "app/validate_command.hpp"
 #include "common/error.hpp"
+#include "plugins/isa.hpp"
 
 #include <fmt/format.h>
 #include <spdlog/sinks/stdout_color_sinks.h>
@@ -79,6 +80,14 @@ int main(int argc, char** argv) {
     status = app::bench_command(bench, r);
   });
 
+  app::BenchStepsOptions bench_steps;
+  auto* steps_cli = bench_cli->add_subcommand("steps", "Whole steps per second, of blocks of every material or of a scene");
+  app::add_bench_steps_options(*steps_cli, bench_steps);
+  steps_cli->callback([&] {
+    auto r = registry();
+    status = app::bench_steps_command(bench_steps, r);
+  });
+
   app::CheckOptions check;
   auto* check_cli = cli.add_subcommand("check", "Prove plugins: run the conformance checks");
   app::add_check_options(*check_cli, check);
@@ -90,6 +99,12 @@ int main(int argc, char** argv) {
   new_plugin_cli->add_option("name", project.name, "Name of the plugin, for example my-law")->required();
   new_plugin_cli->add_option("--dir", project.directory, "Directory to write into (default: ./NAME)");
   new_plugin_cli->callback([&] { status = app::new_plugin_command(project); });
+
+  // Before the name of a command or after it; options take effect before any command runs.
+  for (CLI::App* command : {&cli, run_cli, point_cli, bench_cli, kernels_cli, steps_cli, check_cli})
+    command->add_option_function<std::string>("--isa", plugins::force_isa,
+                                              "Instruction set of kernels and plugins: x86-64-v2, x86-64-v3 or x86-64-v4 "
+                                              "(default: the best one that CLEAVE_ISA or the processor allows)");
 
   try {
     cli.parse(argc, argv);

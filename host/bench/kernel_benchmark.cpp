@@ -1,10 +1,10 @@
 #include "bench/kernel_benchmark.hpp"
 
 #include "bench/law_batch.hpp"
+#include "bench/law_choice.hpp"
 #include "bench/typical_parameters.hpp"
 #include "common/error.hpp"
 #include "common/types.hpp"
-#include "plugins/elastic_probe.hpp"
 
 #include <algorithm>
 #include <chrono>
@@ -20,28 +20,7 @@ using plugins::Instance;
 using plugins::Kind;
 
 constexpr double cell_size = 0.01, density = 1000;
-/// Strength of a typical solid over its shear modulus.
-constexpr double strength_over_stiffness = 0.01;
 constexpr double moderate_strain = 0.1, strain_near_rest = 1e-6;
-
-struct Law {
-  Instance instance;
-  plugins::GivenParameters parameters;
-};
-
-/// A law with the first typical parameters it accepts. Throws InputError with what it said to the first of them.
-std::unique_ptr<Law> make_law(const plugins::Plugin& plugin, std::shared_ptr<const plugins::Plugin> shared,
-                              const plugins::GivenParameters& given, double stress, const plugins::Context& context) {
-  std::string refusal;
-  for (const auto& parameters : typical_parameters(plugin.description(), given, stress)) {
-    try {
-      return std::make_unique<Law>(Law{Instance(shared, parameters, context), parameters});
-    } catch (const InputError& error) {
-      if (refusal.empty()) refusal = error.what();
-    }
-  }
-  throw InputError(refusal);
-}
 
 std::string isa_of(const plugins::Plugin& plugin) {
   const std::string folder = plugin.path().parent_path().filename().string();
@@ -246,8 +225,8 @@ class Measurement {
   KernelResults run() {
     check_options();
     make_elastic_laws();
-    for (const auto& law : elastic_)
-      if (wanted(law->instance.description().id)) add_elastic(*law);
+    for (std::size_t i = 0; i < elastic_.size(); ++i)
+      if (wanted(elastic_[i].instance.description().id)) add_elastic(elastic_[i]);
     for (const Kind kind : {Kind::plasticity, Kind::damage})
       for (const auto& id : registry_.ids(kind))
         if (wanted(id)) attempt(id, [&] { kind == Kind::plasticity ? add_plastic(id) : add_damage(id); });
@@ -301,40 +280,11 @@ class Measurement {
 
   void make_elastic_laws() {
     for (const auto& id : registry_.ids(Kind::elasticity))
-      attempt(id, [&] {
-        const auto plugin = registry_.load(id);
-        elastic_.push_back(make_law(*plugin, plugin, given(id), 0, {.cell_size = cell_size, .density = density}));
-        probes_.push_back(std::make_unique<plugins::ElasticProbe>(elastic_.back()->instance));
-      });
-  }
-
-  /// Position in elastic_ of the law another is paired with: one that offers what the other needs, of b if there is one.
-  std::size_t partner(const plugins::Description& law) const {
-    const auto suits = [&](const Instance& elastic) {
-      return (!law.can(CLEAVE_NEEDS_ISOCHORIC_RESPONSE) || elastic.can(CLEAVE_HAS_ISOCHORIC_RESPONSE)) &&
-             (!law.can(CLEAVE_NEEDS_TENSILE_ENERGY) || elastic.can(CLEAVE_HAS_ENERGY)) &&
-             (!law.can(CLEAVE_NEEDS_EFFECTIVE_STRESS) || elastic.can(CLEAVE_HAS_EFFECTIVE_STRESS));
-    };
-    std::optional<std::size_t> found;
-    for (std::size_t i = 0; i < elastic_.size(); ++i) {
-      const Instance& candidate = elastic_[i]->instance;
-      if (!suits(candidate) || (!options_.elasticity.empty() && candidate.description().id != options_.elasticity)) continue;
-      if (!found || (candidate.can(CLEAVE_ACCEPTS_B) && !elastic_[*found]->instance.can(CLEAVE_ACCEPTS_B))) found = i;
-    }
-    if (!found)
-      throw InputError(options_.elasticity.empty() ? "no elastic law offers what it needs"
-                                                   : options_.elasticity + " does not offer what it needs");
-    return *found;
+      attempt(id, [&] { elastic_.add(make_law(registry_, id, given(id), 0, {.cell_size = cell_size, .density = density})); });
   }
 
   const Law& make_paired(const std::string& id, std::size_t elastic) {
-    const auto plugin = registry_.load(id);
-    const plugins::Context context{.cell_size = cell_size,
-                                   .density = density,
-                                   .isochoric = elastic_[elastic]->instance.isochoric_response(),
-                                   .elastic = probes_[elastic]->get()};
-    const double stress = strength_over_stiffness * probes_[elastic]->get()->shear_modulus;
-    paired_.push_back(make_law(*plugin, plugin, given(id), stress, context));
+    paired_.push_back(elastic_.make_paired(registry_, id, given(id), elastic, {.cell_size = cell_size, .density = density}));
     return *paired_.back();
   }
 
@@ -381,29 +331,28 @@ class Measurement {
     if (fibrous.empty() || law.instance.can(CLEAVE_NEEDS_FIBER)) return;
     attempt(description.id, [&] {
       fibrous.insert(law.parameters.begin(), law.parameters.end());
-      const auto plugin = registry_.load(description.id);
-      paired_.push_back(make_law(*plugin, plugin, fibrous, 0, {.cell_size = cell_size, .density = density}));
+      paired_.push_back(make_law(registry_, description.id, fibrous, 0, {.cell_size = cell_size, .density = density}));
       measure(*paired_.back(), "stress, with fibres");
     });
   }
 
   void add_plastic(const std::string& id) {
-    const std::size_t elastic = partner(*registry_.find(id));
+    const std::size_t elastic = elastic_.partner({registry_.find(id)}, options_.elasticity);
     const Law& law = make_paired(id, elastic);
     const Instance& instance = law.instance;
     const YieldStates pool = instance.can(CLEAVE_DOUBLE) ? find_yield<double>(instance) : find_yield<float>(instance);
     for (const int percent : {0, 30, 100})
       attempt(id, [&] {
         const auto states = mixed(pool, options_.points, percent / 100.);
-        add_tasks(add_kernel(law, std::to_string(percent) + " % yielding", elastic_[elastic]->instance.description().id),
+        add_tasks(add_kernel(law, std::to_string(percent) + " % yielding", elastic_[elastic].instance.description().id),
                   instance, [&](auto precision) { return return_batch<decltype(precision)>(instance, states); });
       });
   }
 
   void add_damage(const std::string& id) {
-    const std::size_t elastic = partner(*registry_.find(id));
+    const std::size_t elastic = elastic_.partner({registry_.find(id)}, options_.elasticity);
     const Law& law = make_paired(id, elastic);
-    const Instance &instance = law.instance, &matrix = elastic_[elastic]->instance;
+    const Instance &instance = law.instance, &matrix = elastic_[elastic].instance;
     for (const bool loaded : {false, true})
       attempt(id, [&] {
         const auto states = States(2).strained(options_.points, loaded ? moderate_strain : strain_near_rest);
@@ -432,8 +381,8 @@ class Measurement {
 
   const KernelOptions& options_;
   plugins::Registry& registry_;
-  std::vector<std::unique_ptr<Law>> elastic_, paired_;
-  std::vector<std::unique_ptr<plugins::ElasticProbe>> probes_;  ///< of elastic_
+  ElasticLaws elastic_;
+  std::vector<std::unique_ptr<Law>> paired_;
   std::vector<Task> tasks_;
   KernelResults results_;
 };

@@ -1,17 +1,11 @@
 #include "bench/report.hpp"
 
-#include "common/error.hpp"
+#include "bench/gnuplot.hpp"
+#include "bench/json.hpp"
 
 #include <fmt/format.h>
-#include <toml++/toml.h>
-#include <unistd.h>
 
 #include <algorithm>
-#include <cstdio>
-#include <cstdlib>
-#include <filesystem>
-#include <fstream>
-#include <sstream>
 
 namespace cleave::bench {
 namespace {
@@ -36,33 +30,11 @@ std::string ratio_cell(const std::optional<Timing>& timing, const std::optional<
 
 toml::table to_json(const Timing& timing) { return toml::table{{"median_ns", timing.median}, {"fastest_ns", timing.fastest}}; }
 
-toml::table to_json(const plugins::GivenParameters& parameters) {
-  toml::table table;
-  for (const auto& parameter : parameters)
-    std::visit(
-        [&](const auto& value) {
-          if constexpr (std::is_same_v<std::decay_t<decltype(value)>, std::vector<double>>) {
-            toml::array list;
-            for (double element : value) list.push_back(element);
-            table.insert(parameter.first, std::move(list));
-          } else {
-            table.insert(parameter.first, value);
-          }
-        },
-        parameter.second);
-  return table;
-}
-
-bool is_executable(const std::filesystem::path& file) {
-  std::error_code error;
-  return std::filesystem::is_regular_file(file, error) && access(file.c_str(), X_OK) == 0;
-}
-
-/// The label of a tick in a gnuplot script, which takes it for a format.
-std::string quoted(const std::string& text) {
-  std::string escaped;
-  for (const char c : text) escaped += c == '"' || c == '\\' ? std::string("\\") + c : std::string(c == '%' ? 2 : 1, c);
-  return '"' + escaped + '"';
+/// The label of a tick, which gnuplot takes for a format.
+std::string tick(const std::string& text) {
+  std::string format;
+  for (const char c : text) format += std::string(c == '%' ? 2 : 1, c);
+  return gnuplot_text(format);
 }
 
 /// Bars grow to the right from the axis; kernels follow each other downwards, single precision above double.
@@ -73,7 +45,7 @@ std::string chart_script(const KernelResults& results) {
   for (std::size_t i = 0; i < rows; ++i) {
     const Kernel& kernel = results.kernels[i];
     const double y = double(rows - i);
-    labels += fmt::format("{}{} {}", i == 0 ? "" : ", ", quoted(label(kernel)), y);
+    labels += fmt::format("{}{} {}", i == 0 ? "" : ", ", tick(label(kernel)), y);
     const auto bar = [&](std::string& bars, const std::optional<Timing>& timing, double low, double high) {
       if (!timing) return;
       bars += fmt::format("0 {} 0 {} {} {}\n", y, timing->median, y + low, y + high);
@@ -93,25 +65,6 @@ std::string chart_script(const KernelResults& results) {
       110 + 30 * rows, 1.05 * longest, double(rows) + 0.6, labels, single.empty() ? "0 0 0 0 0 0\n" : single,
       doubled.empty() ? "0 0 0 0 0 0\n" : doubled);
 }
-
-/// A file that goes with its owner.
-class TemporaryFile {
- public:
-  explicit TemporaryFile(const std::string& text) {
-    path_ = (std::filesystem::temp_directory_path() / "cleave-chart-XXXXXX").string();
-    const int descriptor = mkstemp(path_.data());
-    if (descriptor < 0) throw InputError("cannot write " + path_);
-    close(descriptor);
-    if (!(std::ofstream(path_, std::ios::binary) << text)) throw InputError("cannot write " + path_);
-  }
-  ~TemporaryFile() { std::remove(path_.c_str()); }
-  TemporaryFile(const TemporaryFile&) = delete;
-  TemporaryFile& operator=(const TemporaryFile&) = delete;
-  const std::string& path() const { return path_; }
-
- private:
-  std::string path_;
-};
 
 }  // namespace
 
@@ -155,28 +108,9 @@ std::string json_text(const KernelOptions& options, const KernelResults& results
                           {"repeats", options.repeats},
                           {"kernels", std::move(kernels)},
                           {"skipped", std::move(skipped)}};
-  std::ostringstream text;
-  text << toml::json_formatter(table) << '\n';
-  return text.str();
+  return json_text(table);
 }
 
-bool gnuplot_is_installed() {
-  const char* path = std::getenv("PATH");
-  std::istringstream folders(path ? path : "");
-  for (std::string folder; std::getline(folders, folder, ':');)
-    if (is_executable(std::filesystem::path(folder) / "gnuplot")) return true;
-  return false;
-}
-
-std::string chart_svg(const KernelResults& results) {
-  const TemporaryFile script(chart_script(results));
-  std::FILE* gnuplot = popen(("gnuplot '" + script.path() + "'").c_str(), "r");
-  if (!gnuplot) throw InputError("gnuplot cannot be started");
-  std::string svg;
-  char buffer[4096];
-  for (std::size_t n; (n = std::fread(buffer, 1, sizeof buffer, gnuplot)) > 0;) svg.append(buffer, n);
-  if (pclose(gnuplot) != 0 || svg.find("</svg>") == std::string::npos) throw InputError("gnuplot could not draw the chart");
-  return svg;
-}
+std::string chart_svg(const KernelResults& results) { return draw_svg(chart_script(results)); }
 
 }  // namespace cleave::bench

@@ -1,4 +1,5 @@
 #include "app/bench_command.hpp"
+#include "bench/gnuplot.hpp"
 #include "bench/report.hpp"
 #include "common/error.hpp"
 
