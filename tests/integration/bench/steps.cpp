@@ -150,7 +150,9 @@ TEST_F(BenchSteps, AScenesStepsAreMeasuredAsTheSceneSays) {
 
   const ptree both = measure("scene.toml --threads 1 --precision single,double");
   ASSERT_EQ(both.get_child("results").size(), 2u);
-  EXPECT_EQ(both.get_child("results").front().second.get<std::string>("precision"), "single");
+  const auto &single = both.get_child("results").front().second, &doubled = both.get_child("results").back().second;
+  EXPECT_EQ(single.get<std::string>("precision"), "single");
+  EXPECT_EQ(doubled.get<double>("bytes_per_particle.velocity"), 2 * single.get<double>("bytes_per_particle.velocity"));
 }
 
 TEST_F(BenchSteps, TableMarkdownAndChartShowTheSameMaterials) {
