@@ -189,12 +189,18 @@ template <class T, int D>
 void DamageEvolution<T, D>::integrate(const ParticleView& view, Particles<T, D>& particles, double time_step) {
   auto& blocks = particles.blocks();
   const DamageView damage = damage_view(time_step);
-  // A particle's damage is felt up to six cells away: particle to node, node to gradient, gradient to node, node to particle.
-  const Flags reached = dilated(blocks, active_, 2), filling = dilated(blocks, reached, 1);
-  const Flags nodes = grid_blocks_of(blocks, filling);
+  // Driving forces act where they are. The damage of a block's particles reaches nodes of the blocks next to it, gradients of
+  // particles there, nodes next to these, and their particles; cubic splines reach from nodes to particles at once.
+  Flags spreading(blocks.size());
+  for (std::size_t i = 0; i < blocks.size(); i++) spreading[i] = blocks[i].damaged || !solver_.active_set;
+  const Flags near = dilated(blocks, spreading, 1);
+  Flags reached = cubic_ ? near : dilated(blocks, near, 1);
+  for (std::size_t i = 0; i < blocks.size(); i++) reached[i] |= active_[i];
+  const Flags nodes = grid_blocks_of(blocks, reached);
   T *collected = numbers(collected_), *field = numbers(initial_), *laplacian = numbers(product_);
   clear(nodes, collected, 4);
-  for_coloured(particles, filling, [&](std::size_t i, void* memory) {
+  // Sums are complete where damage or its gradients reach; elsewhere the field is zero whatever they are.
+  for_coloured(particles, reached, [&](std::size_t i, void* memory) {
     (cubic_ ? kernels_.collect_cubic : kernels_.collect)(view, blocks[i], damage, collected, memory);
   });
   for_nodes(nodes, [&](std::size_t n) { field[n] = collected[4 * n] > T(0) ? collected[4 * n + 1] / collected[4 * n] : T(0); });
@@ -206,7 +212,7 @@ void DamageEvolution<T, D>::integrate(const ParticleView& view, Particles<T, D>&
     });
   } else {
     clear(nodes, laplacian);
-    for_coloured(particles, reached,
+    for_coloured(particles, near,
                  [&](std::size_t i, void* memory) { kernels_.stiffness(view, blocks[i], damage, field, laplacian, memory); });
     for_nodes(nodes, [&](std::size_t n) { laplacian[n] = collected[4 * n] > T(0) ? -laplacian[n] / collected[4 * n] : T(0); });
     for_homes(reached, [&](std::size_t i, void* memory) {

@@ -38,6 +38,16 @@ CLEAVE_INLINE void load_numbers(const T* grid, const BlockView& block, T* arena)
   });
 }
 
+/// Whether the arena holds anything but zeros: damage has come to few blocks, and one operator after it to few more.
+template <class T, int D>
+CLEAVE_INLINE bool any_number(const T* arena) {
+  constexpr int lanes = tile_lanes<T>;
+  static_assert(GridShape<D>::arena_nodes % lanes == 0);
+  typename TileTypes<T>::Mask present{};
+  for (int i = 0; i < GridShape<D>::arena_nodes; i += lanes) present |= load<T>(arena + i) != T(0);
+  return any(present);
+}
+
 /// Adds the arena to the grid and clears it.
 template <class T, int D>
 CLEAVE_INLINE void merge_numbers(T* grid, const BlockView& block, T* arena) {
@@ -204,6 +214,7 @@ void stiffness(const ParticleView& set, const BlockView& block, const DamageView
   auto& s = *static_cast<DamageScratch<T, D>*>(scratch);
   constexpr int lanes = tile_lanes<T>, rows = stencil_rows<D>;
   load_numbers<T, D>(from, block, s.from);
+  if (!any_number<T, D>(s.from)) return;
   for_chunks<T>(set, block, [&](const Chunk& chunk) {
     chunk_weights<T, D>(set, chunk, s);
     for (int k = 0; k < chunk.tiles; k++)
@@ -212,9 +223,15 @@ void stiffness(const ParticleView& set, const BlockView& block, const DamageView
     for (int p = 0; p < chunk.points;) {
       const std::int32_t first = s.node[p];
       Quad<T> value[rows], sum[rows];
+      auto present = Quad<T>{} != Quad<T>{};
       for (int r = 0; r < rows; r++) {
         value[r] = load_row(s.from + first + row_start<D>(r));
+        present |= value[r] != T(0);
         sum[r] = Quad<T>{};
+      }
+      if (!any(present)) {
+        while (++p < chunk.points && s.node[p] == first) continue;
+        continue;
       }
       do {
         const Stencil<T, D> w(s.weights, p);
@@ -273,6 +290,11 @@ CLEAVE_INLINE void gather_tiles(const ParticleView& set, const BlockView& block,
                                 Update&& update) {
   constexpr int lanes = tile_lanes<T>;
   load_numbers<T, D>(field, block, s.from);
+  if (!any_number<T, D>(s.from)) {
+    const std::uint64_t end = block.first_tile + (block.count + lanes - 1) / lanes;
+    for (std::uint64_t tile = block.first_tile; tile < end; tile++) update(tile, Tile<T>{});
+    return;
+  }
   for_chunks<T>(set, block, [&](const Chunk& chunk) {
     chunk_weights<T, D>(set, chunk, s);
     for (int p = 0; p < chunk.points; p++) s.values[p] = gather_value<T, D>(s.from, s.weights, s.node, p);
