@@ -2,13 +2,15 @@
 
 #include "common/error.hpp"
 
+#include <tbb/blocked_range.h>
 #include <tbb/parallel_for.h>
 #include <tbb/parallel_sort.h>
 
 #include <Eigen/LU>
 #include <algorithm>
-#include <atomic>
+#include <bit>
 #include <cmath>
+#include <cstring>
 #include <numeric>
 
 namespace cleave::mpm {
@@ -55,25 +57,36 @@ struct Home {
   std::uint8_t cell = 0;
 };
 
+/// Compared for every particle: std::array would call memcmp.
+inline bool same(const BlockCoordinate& a, const BlockCoordinate& b) { return a[0] == b[0] && a[1] == b[1] && a[2] == b[2]; }
+
 /// Block and cell of a position, given in cells from node 0 of `origin`.
 template <int D, class T>
 Home home_of(const T* x, const BlockCoordinate& origin) {
-  constexpr int edge = GridShape<D>::block_edge;
+  constexpr int edge = GridShape<D>::block_edge, shift = std::countr_zero(unsigned(edge));
   Home h;
   int cell = 0;
   for (int a = 0; a < D; a++) {
-    const double base = std::floor(double(x[a]) - 0.5);
-    if (!(std::abs(base) < 8.0 * farthest_block))
+    const double first = double(x[a]) - 0.5;
+    if (!(std::abs(first) < 8.0 * farthest_block))
       throw SimulationError("a particle is no longer anywhere (position not finite)");
-    const std::int64_t block = std::int64_t(std::floor(base / edge));
-    const std::int64_t coordinate = origin[a] + block;
+    std::int32_t base = std::int32_t(first);
+    base -= first < base;  // the cast rounds towards zero
+    const std::int32_t coordinate = origin[a] + (base >> shift);
     if (coordinate > farthest_block || coordinate < -farthest_block)
       throw SimulationError("a particle has left the range of the grid, about four million cells from the origin");
-    h.block[a] = std::int32_t(coordinate);
-    cell = cell * edge + int(std::int64_t(base) - block * edge);
+    h.block[a] = coordinate;
+    cell = cell * edge + (base & (edge - 1));
   }
   h.cell = std::uint8_t(cell);
   return h;
+}
+
+/// Places in a sequence of n that are visited together.
+constexpr std::size_t stretch = 256;
+template <class F>
+void for_stretches(std::size_t n, F&& f) {
+  tbb::parallel_for(tbb::blocked_range<std::size_t>(0, n, stretch), [&](const auto& range) { f(range.begin(), range.end()); });
 }
 
 }  // namespace
@@ -89,70 +102,113 @@ void Particles<T, D>::colour() {
 
 template <class T, int D>
 void Particles<T, D>::place(std::size_t tiles) {
+  if (tiles > (std::uint64_t(1) << 32) / lanes) throw SimulationError("more than four billion places for particles are needed");
+  storage_.extend(tiles * layout_.stride);
+  ids_.extend(tiles * lanes * sizeof(std::uint32_t));
   tiles_ = tiles;
-  storage_.reserve(tiles * layout_.stride);
-  ids_.resize(tiles * lanes);
 }
 
 template <class T, int D>
 void Particles<T, D>::assign(const std::vector<NewParticle>& particles, const std::vector<double>& state,
                              const std::vector<double>& fibers) {
-  size_ = particles.size();
-  struct Key {
-    std::uint64_t block;
-    std::uint32_t cell, index;
+  const std::size_t n_fiber = (layout_.fiber ? 3 : 0) + (layout_.second_fiber ? 3 : 0);
+  const auto n_state = std::size_t(layout_.state_components);
+  assign({particles.size(), [&](std::size_t i) { return particles[i].position; },
+          [&](std::size_t i, double* s, double* f) {
+            std::copy_n(state.begin() + std::ptrdiff_t(i * n_state), n_state, s);
+            std::copy_n(fibers.begin() + std::ptrdiff_t(i * n_fiber), n_fiber, f);
+            return particles[i];
+          }});
+}
+
+template <class T, int D>
+void Particles<T, D>::assign(const NewParticles& particles) {
+  size_ = particles.count;
+  // 1. Number the blocks as they are met, then in Morton order.
+  struct Met {
+    std::uint64_t key;
+    std::uint32_t number, count;
     BlockCoordinate coordinate;
   };
-  std::vector<Key> keys(particles.size());
-  tbb::parallel_for(std::size_t(0), particles.size(), [&](std::size_t i) {
-    const Home h = home_of<D>(particles[i].position.data(), {0, 0, 0});
-    keys[i] = {morton_key(h.block), h.cell, std::uint32_t(i), h.block};
-  });
-  tbb::parallel_sort(keys.begin(), keys.end(), [](const Key& a, const Key& b) {
-    return std::tie(a.block, a.cell, a.index) < std::tie(b.block, b.cell, b.index);
-  });
-  blocks_.clear();
-  std::vector<std::size_t> first_key;
-  std::size_t tiles = 0;
-  for (std::size_t i = 0; i < keys.size();) {
-    std::size_t j = i;
-    while (j < keys.size() && keys[j].block == keys[i].block) j++;
-    Block b{};
-    b.coordinate = keys[i].coordinate;
-    b.first_tile = tiles;
-    b.count = std::uint32_t(j - i);
-    blocks_.push_back(b);
-    first_key.push_back(i);
-    tiles += (j - i + lanes - 1) / lanes;
-    i = j;
+  std::vector<Met> met;
+  std::vector<std::uint32_t> block_of(size_), order(size_);
+  BlockDirectory directory;
+  directory.reset(size_ / 256);
+  for (std::size_t i = 0; i < size_; i++) {
+    const BlockCoordinate c = home_of<D>(particles.position(i).data(), {0, 0, 0}).block;
+    if (i == 0 || c != met[block_of[i - 1]].coordinate) {
+      const std::uint64_t key = morton_key(c);
+      block_of[i] = directory.insert(key, std::uint32_t(met.size()));
+      if (block_of[i] == met.size()) met.push_back({key, block_of[i], 0, c});
+    } else {
+      block_of[i] = block_of[i - 1];
+    }
+    met[block_of[i]].count++;
   }
+  std::sort(met.begin(), met.end(), [](const Met& a, const Met& b) { return a.key < b.key; });
+  blocks_.clear();
+  std::vector<std::uint32_t> first(met.size() + 1, 0), next(met.size());
+  std::size_t tiles = 0;
+  for (std::size_t k = 0; k < met.size(); k++) {
+    Block b{};
+    b.coordinate = met[k].coordinate;
+    b.first_tile = tiles;
+    b.count = met[k].count;
+    blocks_.push_back(b);
+    tiles += (b.count + lanes - 1) / lanes;
+    first[k + 1] = first[k] + b.count;
+    next[met[k].number] = first[k];
+  }
+  for (std::size_t i = 0; i < size_; i++) order[next[block_of[i]]++] = std::uint32_t(i);
+  std::vector<std::uint32_t>().swap(block_of);
+
+  // 2. Each block takes its particles, by cell.
   place(tiles);
   const auto& strain = strain_components<D>(layout_.stores_b);
   const int n_fiber = (layout_.fiber ? 3 : 0) + (layout_.second_fiber ? 3 : 0), n_state = layout_.state_components;
   tbb::parallel_for(std::size_t(0), blocks_.size(), [&](std::size_t k) {
     const Block& b = blocks_[k];
+    thread_local std::vector<std::pair<std::uint8_t, std::uint32_t>> members;
+    thread_local std::vector<double> state, fibers;
+    members.clear();
+    for (std::uint32_t i = first[k]; i < first[k + 1]; i++)
+      members.emplace_back(home_of<D>(particles.position(order[i]).data(), {0, 0, 0}).cell, order[i]);
+    std::sort(members.begin(), members.end());
+    state.resize(std::size_t(n_state));
+    fibers.resize(std::size_t(n_fiber));
     const std::uint32_t padded = (b.count + lanes - 1) / lanes * lanes;
     for (std::uint32_t i = 0; i < padded; i++) {
-      const std::uint32_t index = keys[first_key[k] + std::min(i, b.count - 1)].index;
-      const NewParticle& p = particles[index];
+      const std::uint32_t index = members[std::min(i, b.count - 1)].second;
+      const NewParticle p = particles.read(index, state.data(), fibers.data());
       const std::uint64_t slot = b.first_tile * lanes + i;
-      ids_[slot] = p.id;
+      ids()[slot] = p.id;
       for (int a = 0; a < D; a++) {
         value(layout_.position, a, slot) = T(p.position[a] - double(b.coordinate[a]) * edge);
         value(layout_.velocity, a, slot) = T(p.velocity[a]);
       }
       for (int c = 0; c < D * D; c++) value(layout_.affine, c, slot) = T(p.velocity_gradient(c / D, c % D));
-      value(layout_.volume, slot) = i < b.count ? T(p.volume) : T(0);
+      value(layout_.volume, slot) = T(p.volume);
       const Matrix3 m = layout_.stores_b ? Matrix3(p.deformation * p.deformation.transpose()) : p.deformation;
       for (std::size_t c = 0; c < strain.size(); c++)
         value(layout_.strain, int(c), slot) = T(m(strain[c].first, strain[c].second));
       if (layout_.damage) value(layout_.damage, slot) = T(p.damage);
       if (layout_.toughness) value(layout_.toughness, slot) = T(p.toughness);
-      for (int c = 0; c < n_fiber; c++) value(layout_.fiber, c, slot) = T(fibers[index * n_fiber + c]);
-      for (int c = 0; c < n_state; c++) value(layout_.state, c, slot) = T(state[index * n_state + c]);
+      for (int c = 0; c < n_fiber; c++) value(layout_.fiber, c, slot) = T(fibers[std::size_t(c)]);
+      for (int c = 0; c < n_state; c++) value(layout_.state, c, slot) = T(state[std::size_t(c)]);
     }
   });
+  clear_tails();
   colour();
+}
+
+/// The places behind the last particle of a block are copies of it without volume.
+template <class T, int D>
+void Particles<T, D>::clear_tails() {
+  tbb::parallel_for(std::size_t(0), blocks_.size(), [&](std::size_t k) {
+    const Block& b = blocks_[k];
+    const std::uint64_t begin = b.first_tile * lanes + b.count;
+    for (std::uint64_t slot = begin; slot % lanes != 0; slot++) value(layout_.volume, slot) = 0;
+  });
 }
 
 template <class T, int D>
@@ -164,10 +220,10 @@ void Particles<T, D>::sort() {
     std::uint32_t source, first, count;  // order[first .. first+count) of the source block
   };
   std::vector<std::vector<Target>> targets(blocks_.size());
-  auto& order = order_;
-  auto& cell = cell_;
-  order.resize(tiles_ * lanes);
-  cell.resize(tiles_ * lanes);
+  const std::size_t old_slots = tiles_ * lanes;
+  scratch_.reserve(old_slots * (sizeof(std::uint32_t) + 1));
+  auto* order = reinterpret_cast<std::uint32_t*>(scratch_.data());
+  auto* cell = reinterpret_cast<std::uint8_t*>(order + old_slots);
   tbb::parallel_for(std::size_t(0), blocks_.size(), [&](std::size_t k) {
     const Block& b = blocks_[k];
     auto& list = targets[k];
@@ -180,8 +236,8 @@ void Particles<T, D>::sort() {
       for (int a = 0; a < D; a++) x[a] = value(layout_.position, a, base + i);
       const Home h = home_of<D>(x, b.coordinate);
       cell[base + i] = h.cell;
-      if (last >= list.size() || list[last].coordinate != h.block) {
-        for (last = 0; last < list.size() && list[last].coordinate != h.block;) last++;
+      if (last >= list.size() || !same(list[last].coordinate, h.block)) {
+        for (last = 0; last < list.size() && !same(list[last].coordinate, h.block);) last++;
         if (last == list.size()) list.push_back({morton_key(h.block), h.block, std::uint32_t(k), 0, 0});
       }
       group[i] = last;
@@ -220,17 +276,13 @@ void Particles<T, D>::sort() {
   }
   first_target.push_back(all.size());
 
-  // 3. Each new block collects its particles, by cell.
-  sorted_.reserve(tiles * layout_.stride);
-  sorted_ids_.resize(tiles * lanes);
-  const int components = int(layout_.stride / CLEAVE_TILE_BYTES);
+  // 3. Each new block lists where its particles are, by cell.
+  place(tiles);
+  from_.reserve(tiles * lanes * sizeof(std::uint32_t));
   tbb::parallel_for(std::size_t(0), blocks.size(), [&](std::size_t k) {
     const Block& b = blocks[k];
+    auto* from = reinterpret_cast<std::uint32_t*>(from_.data()) + b.first_tile * lanes;
     std::array<std::uint32_t, 65> start{};
-    thread_local std::vector<std::uint64_t> from;
-    thread_local std::vector<std::uint32_t> via;
-    from.resize(b.count);
-    via.resize(b.count);
     for (std::size_t t = first_target[k]; t < first_target[k + 1]; t++) {
       const std::uint64_t base = blocks_[all[t].source].first_tile * lanes;
       for (std::uint32_t i = 0; i < all[t].count; i++) start[cell[base + order[base + all[t].first + i]] + 1u]++;
@@ -240,38 +292,70 @@ void Particles<T, D>::sort() {
       const std::uint64_t base = blocks_[all[t].source].first_tile * lanes;
       for (std::uint32_t i = 0; i < all[t].count; i++) {
         const std::uint64_t slot = base + order[base + all[t].first + i];
-        const std::uint32_t at = start[cell[slot]]++;
-        from[at] = slot;
-        via[at] = std::uint32_t(t);
+        from[start[cell[slot]]++] = std::uint32_t(slot);
       }
     }
-    const std::uint32_t n_tiles = (b.count + lanes - 1) / lanes;
-    for (std::uint32_t t = 0; t < n_tiles; t++) {
-      const T* source[lanes];
-      T shift[D][lanes];
-      for (int l = 0; l < lanes; l++) {
-        const std::uint32_t i = std::min(t * lanes + l, b.count - 1);
-        const std::uint64_t slot = from[i];
-        source[l] = reinterpret_cast<const T*>(storage_.data() + (slot / lanes) * layout_.stride) + slot % lanes;
-        const auto& old = blocks_[all[via[i]].source].coordinate;
-        for (int a = 0; a < D; a++) shift[a][l] = T((old[a] - b.coordinate[a]) * edge);
-        sorted_ids_[(b.first_tile + t) * lanes + l] = ids_[slot];
-      }
-      T* to = reinterpret_cast<T*>(sorted_.data() + (b.first_tile + t) * layout_.stride);
-      for (int c = 0; c < components; c++)
-        for (int l = 0; l < lanes; l++) to[c * lanes + l] = source[l][c * lanes];
-      T* position = to + layout_.position / sizeof(T);
-      for (int a = 0; a < D; a++)
-        for (int l = 0; l < lanes; l++) position[a * lanes + l] += shift[a][l];
-      T* volume = to + layout_.volume / sizeof(T);
-      for (std::uint32_t l = b.count - t * lanes; l < std::uint32_t(lanes); l++) volume[l] = 0;
-    }
+    for (std::uint32_t i = b.count; i % lanes != 0; i++) from[i] = from[b.count - 1];
   });
-  std::swap(storage_, sorted_);
-  std::swap(ids_, sorted_ids_);
+
+  // 4. Where they are, positions count from the new blocks; then everything moves.
+  tbb::parallel_for(std::size_t(0), blocks_.size(), [&](std::size_t k) {
+    const Block& b = blocks_[k];
+    const std::uint64_t base = b.first_tile * lanes;
+    for (const Target& t : targets[k])
+      for (int a = 0; a < D; a++)
+        if (const T shift = T((b.coordinate[a] - t.coordinate[a]) * edge); shift != 0)
+          for (std::uint32_t i = t.first; i < t.first + t.count; i++)
+            value(layout_.position, a, base + order[base + i]) += shift;
+  });
   blocks_ = std::move(blocks);
-  tiles_ = tiles;
+  permute();
+  clear_tails();
   colour();
+}
+
+/// Brings every particle from where from_ says to its place: a few components of all particles at a time by way of the scratch.
+template <class T, int D>
+void Particles<T, D>::permute() {
+  const auto* from = reinterpret_cast<const std::uint32_t*>(from_.data());
+  constexpr std::size_t line = CLEAVE_TILE_BYTES;
+  const std::size_t stride = layout_.stride, lines = stride / line;
+  constexpr std::size_t ahead = 16;  // tiles: a few lines of each are too little for the processor to see a pattern
+  // at least four lines of a tile, and of few tiles as many as the second-level cache may hold
+  const std::size_t group = std::clamp((std::size_t(1) << 20) / (tiles_ * line + 1), std::size_t(4), lines);
+  scratch_.reserve(tiles_ * group * line);
+  char* const scratch = scratch_.data();
+  char* const tiles = storage_.data();
+  for (std::size_t first = 0; first < lines; first += group) {
+    const std::size_t count = std::min(group, lines - first);
+    for_stretches(tiles_, [&](std::size_t begin, std::size_t end) {
+      for (std::size_t t = begin; t < end; t++) {
+        if (t + ahead < tiles_)
+          for (int l = 0; l < lanes; l += lanes / 2) {
+            const char* source = tiles + (from[(t + ahead) * lanes + std::size_t(l)] / lanes) * stride + first * line;
+            for (std::size_t c = 0; c < count; c++) __builtin_prefetch(source + c * line);
+          }
+        const T* source[lanes];
+        for (int l = 0; l < lanes; l++) {
+          const std::uint32_t slot = from[t * lanes + std::size_t(l)];
+          source[l] = reinterpret_cast<const T*>(tiles + (slot / lanes) * stride + first * line) + slot % lanes;
+        }
+        T* to = reinterpret_cast<T*>(scratch + t * count * line);
+        for (std::size_t c = 0; c < count; c++)
+          for (int l = 0; l < lanes; l++) to[c * lanes + std::size_t(l)] = source[l][c * lanes];
+      }
+    });
+    for_stretches(tiles_, [&](std::size_t begin, std::size_t end) {
+      for (std::size_t t = begin; t < end; t++)
+        std::memcpy(tiles + t * stride + first * line, scratch + t * count * line, count * line);
+    });
+  }
+  auto* moved = reinterpret_cast<std::uint32_t*>(scratch);
+  for_stretches(tiles_ * lanes, [&](std::size_t begin, std::size_t end) {
+    for (std::size_t i = begin; i < end; i++) moved[i] = ids()[from[i]];
+  });
+  for_stretches(tiles_ * lanes,
+                [&](std::size_t begin, std::size_t end) { std::copy(moved + begin, moved + end, ids() + begin); });
 }
 
 template <class T, int D>

@@ -6,6 +6,7 @@
 #include "mpm/kernels/kernels.hpp"
 
 #include <array>
+#include <functional>
 #include <string>
 #include <vector>
 
@@ -45,6 +46,14 @@ struct NewParticle {
   double toughness = 1;  ///< factor on the toughness of the damage law
 };
 
+/// Particles that a source holds in its own way: read one at a time, by several threads at once.
+struct NewParticles {
+  std::size_t count = 0;
+  std::function<Vector3(std::size_t)> position;  ///< in cells
+  /// The rest of one, and its stored state variables and fibers in the order of the layout.
+  std::function<NewParticle(std::size_t, double* state, double* fibers)> read;
+};
+
 /// The particles of one material, in tiles, sorted by home block and by cell inside the block.
 /// Block and cell belong to the first node of a particle's stencil: floor(x - 1/2).
 template <class T, int D>
@@ -58,11 +67,13 @@ class Particles {
 
   explicit Particles(TileLayout layout) : layout_(std::move(layout)) {}
 
-  /// Takes over particles; `state` and `fibers` hold the stored components of each, in the order of the layout.
+  /// Takes over particles. Beyond what they are stored in this needs 8 bytes of each.
+  void assign(const NewParticles&);
+  /// The same from arrays; `state` and `fibers` hold the stored components of each particle in turn.
   void assign(const std::vector<NewParticle>&, const std::vector<double>& state, const std::vector<double>& fibers);
 
   /// Moves every particle to the block it is in. Blocks come in Morton order; the result does not depend on threads.
-  /// Throws SimulationError if a particle is farther from the origin than blocks can be numbered.
+  /// Throws SimulationError if a particle is farther from the origin than blocks can be numbered; nothing has moved then.
   void sort();
 
   const TileLayout& layout() const { return layout_; }
@@ -73,11 +84,7 @@ class Particles {
   std::size_t size() const { return size_; }
   std::size_t tiles() const { return tiles_; }
   char* data() const { return storage_.data(); }
-  std::size_t bytes() const {
-    return storage_.bytes() + sorted_.bytes() + (ids_.capacity() + sorted_ids_.capacity() + order_.capacity()) * 4 +
-           cell_.capacity();
-  }
-  std::uint32_t id(std::uint64_t slot) const { return ids_[slot]; }
+  std::uint32_t id(std::uint64_t slot) const { return ids()[slot]; }
 
   T& value(std::uint32_t offset, std::uint64_t slot) const {
     return *(reinterpret_cast<T*>(storage_.data() + (slot / lanes) * layout_.stride + offset) + slot % lanes);
@@ -105,11 +112,13 @@ class Particles {
  private:
   void place(std::size_t tiles);
   void colour();
+  void permute();
+  void clear_tails();
+  std::uint32_t* ids() const { return reinterpret_cast<std::uint32_t*>(ids_.data()); }
+
   TileLayout layout_;
-  Buffer storage_, sorted_;
-  std::vector<std::uint32_t> ids_, sorted_ids_;
-  std::vector<std::uint32_t> order_;  // scratch of sort()
-  std::vector<std::uint8_t> cell_;
+  Buffer storage_, ids_;
+  Buffer from_, scratch_;  // of sort(): the slot each particle comes from; what is on its way
   std::vector<Block> blocks_;
   std::array<std::vector<std::uint32_t>, 8> colours_;
   std::size_t size_ = 0, tiles_ = 0;

@@ -169,6 +169,8 @@ class MpmSimulation final : public Simulation {
   void evolve_damage(double dt);
   void check_damage_step();
   void populate();
+  void find_held(const std::vector<SampledBody>&);
+  void store(std::size_t material, std::vector<SampledBody>&);
   void sort();
   void measure_waves();
   void particles_to_grid(StepView&);
@@ -265,73 +267,30 @@ class MpmSimulation final : public Simulation {
 
 template <class T, int D>
 void MpmSimulation<T, D>::populate() {
-  const std::vector<SampledBody> bodies = sample_bodies(scene_);
-  const double cell_volume = std::pow(cell_size_, D);
-  std::vector<std::vector<NewParticle>> particles(materials_.size());
-  std::vector<std::vector<double>> states(materials_.size()), fibers(materials_.size());
-  std::vector<std::uint16_t> handle_of_id;
-  std::vector<std::unique_ptr<scene::SignedDistance>> regions;
-  for (const auto& h : scene_.handles) regions.push_back(scene::build_shape(h.region, cell_size_ / 2));
-  held_.assign(regions.size(), 0);
+  std::vector<SampledBody> bodies;
   std::uint32_t id = 0;
-  for (const auto& body : bodies) {
-    const auto& source = body.particles;
-    const Material& material = *materials_[body.material];
-    body_names_.push_back(body.name);
+  for (const auto& body : scene_.bodies) {
+    bodies.push_back(sample_body(scene_, body));
+    const SampledBody& s = bodies.back();
+    body_names_.push_back(s.name);
     first_id_.push_back(id);
-    const std::vector<double> initial = material.initial_state();
-    std::vector<std::vector<const std::vector<double>*>> given;  // per state variable, per component
-    for (const auto& s : material.states()) {
-      std::vector<const std::vector<double>*> columns;
-      for (int c = 0; c < int(s.tensor); c++) {
-        const auto it = source.states.find(s.tensor == CLEAVE_SCALAR ? s.name : s.name + std::to_string(c));
-        columns.push_back(it == source.states.end() ? nullptr : &it->second);
-      }
-      given.push_back(columns);
-    }
-    for (std::size_t i = 0; i < source.positions.size(); i++, id++) {
-      NewParticle p;
-      p.id = id;
-      p.position = source.positions[i] / cell_size_;
-      p.velocity = source.velocities[i];
-      if (scene_.simulation.transfer == config::Transfer::apic) p.velocity_gradient = body.velocity_gradient;
-      p.volume = source.volumes[i] / cell_volume;
-      if (!source.deformation.empty()) {
-        p.deformation = source.deformation[i];
-        if (material.detects_inversion() && !(p.deformation.determinant() > 0))
-          throw InputError(fmt::format("body '{}': particle {} starts with det F = {:.6g}, where {} is not defined", body.name,
-                                       i, p.deformation.determinant(), material.elasticity().description().id));
-      }
-      if (!body.toughness.empty()) p.toughness = body.toughness[i];
-      particles[body.material].push_back(p);
-      std::size_t component = 0;
-      for (const auto& columns : given)
-        for (const auto* column : columns) {
-          states[body.material].push_back(column ? (*column)[i] : initial[component]);
-          component++;
-        }
-      if (material.layout().fiber)
-        for (int a = 0; a < 3; a++) fibers[body.material].push_back(body.fibers.first[i][a]);
-      if (material.layout().second_fiber)
-        for (int a = 0; a < 3; a++) fibers[body.material].push_back(body.fibers.second[i][a]);
-      std::uint16_t handle = Handles<T, D>::none;
-      for (std::size_t h = 0; h < regions.size(); h++)
-        if (handle == Handles<T, D>::none && (scene_.handles[h].body.empty() || scene_.handles[h].body == body.name) &&
-            regions[h]->distance(source.positions[i]) <= 0) {
-          handle = std::uint16_t(h);
-          held_[h]++;
-        }
-      if (!regions.empty()) handle_of_id.push_back(handle);
-    }
+    id += std::uint32_t(s.particles.positions.size());
+    const Material& material = *materials_[s.material];
+    if (material.detects_inversion())
+      for (std::size_t i = 0; i < s.particles.deformation.size(); i++)
+        if (const double J = s.particles.deformation[i].determinant(); !(J > 0))
+          throw InputError(fmt::format("body '{}': particle {} starts with det F = {:.6g}, where {} is not defined", s.name, i,
+                                       J, material.elasticity().description().id));
   }
   first_id_.push_back(id);
   particle_count_ = id;
-  handles_.assign(std::move(handle_of_id));
+  find_held(bodies);
   for (std::size_t m = 0; m < materials_.size(); m++) {
-    if (particles[m].empty()) continue;
+    const auto fills = [m](const SampledBody& body) { return body.material == m && !body.particles.positions.empty(); };
+    if (std::none_of(bodies.begin(), bodies.end(), fills)) continue;
     sets_.push_back(std::make_unique<Set>(materials_[m]->layout()));
     set_material_.push_back(m);
-    sets_.back()->assign(particles[m], states[m], fibers[m]);
+    store(m, bodies);
     if (materials_[m]->constraint()) {
       if (!constraints_) constraints_ = std::make_unique<Constraints<T, D>>(cell_size_, reference_density_);
       constraints_->add(materials_[m]->constraint(), sets_.size() - 1);
@@ -344,6 +303,90 @@ void MpmSimulation<T, D>::populate() {
       any_evolution_ = any_evolution_ || !damage_.back()->local();
       sorts_always_ = sorts_always_ || damage_.back()->needs_sorted_particles();
     }
+  }
+}
+
+/// The first handle whose region a particle is in holds it.
+template <class T, int D>
+void MpmSimulation<T, D>::find_held(const std::vector<SampledBody>& bodies) {
+  const std::size_t n = scene_.handles.size();
+  held_.assign(n, 0);
+  if (n == 0) return;
+  std::vector<std::unique_ptr<scene::SignedDistance>> regions;
+  for (const auto& h : scene_.handles) regions.push_back(scene::build_shape(h.region, cell_size_ / 2));
+  std::vector<std::uint16_t> handle_of_id(std::size_t(particle_count_), Handles<T, D>::none);
+  for (std::size_t b = 0; b < bodies.size(); b++) {
+    const auto& positions = bodies[b].particles.positions;
+    tbb::parallel_for(std::size_t(0), positions.size(), [&](std::size_t i) {
+      for (std::size_t h = 0; h < n; h++) {
+        const std::string& body = scene_.handles[h].body;
+        if (!(body.empty() || body == bodies[b].name) || regions[h]->distance(positions[i]) > 0) continue;
+        handle_of_id[first_id_[b] + i] = std::uint16_t(h);
+        break;
+      }
+    });
+  }
+  for (const std::uint16_t h : handle_of_id)
+    if (h != Handles<T, D>::none) held_[h]++;
+  handles_.assign(std::move(handle_of_id));
+}
+
+/// Moves the particles of a material from its bodies to the set made last.
+template <class T, int D>
+void MpmSimulation<T, D>::store(std::size_t m, std::vector<SampledBody>& bodies) {
+  const Material& material = *materials_[m];
+  const std::vector<double> initial = material.initial_state();
+  struct Part {
+    SampledBody* body;
+    std::size_t first;  // particle of the material
+    std::uint32_t first_id;
+    std::vector<const std::vector<double>*> given;  // per component of the state variables, null: initial
+  };
+  std::vector<Part> parts;
+  std::size_t count = 0;
+  for (std::size_t b = 0; b < bodies.size(); b++) {
+    if (bodies[b].material != m) continue;
+    Part part{&bodies[b], count, first_id_[b], {}};
+    const auto& columns = bodies[b].particles.states;
+    for (const auto& s : material.states())
+      for (int c = 0; c < int(s.tensor); c++) {
+        const auto it = columns.find(s.tensor == CLEAVE_SCALAR ? s.name : s.name + std::to_string(c));
+        part.given.push_back(it == columns.end() ? nullptr : &it->second);
+      }
+    parts.push_back(std::move(part));
+    count += bodies[b].particles.positions.size();
+  }
+  const auto part_of = [&](std::size_t i) -> const Part& {
+    return *(std::upper_bound(parts.begin(), parts.end(), i, [](std::size_t a, const Part& b) { return a < b.first; }) - 1);
+  };
+  const auto position = [&](std::size_t i) -> Vector3 {
+    const Part& part = part_of(i);
+    return part.body->particles.positions[i - part.first] / cell_size_;
+  };
+  const double cell_volume = std::pow(cell_size_, D);
+  const auto read = [&](std::size_t n, double* state, double* fibers) {
+    const Part& part = part_of(n);
+    const SampledBody& body = *part.body;
+    const std::size_t i = n - part.first;
+    NewParticle p;
+    p.id = part.first_id + std::uint32_t(i);
+    p.position = body.particles.positions[i] / cell_size_;
+    p.velocity = body.velocity_of(i);
+    if (scene_.simulation.transfer == config::Transfer::apic) p.velocity_gradient = body.velocity_gradient;
+    p.volume = body.particles.volumes[i] / cell_volume;
+    if (!body.particles.deformation.empty()) p.deformation = body.particles.deformation[i];
+    if (!body.toughness.empty()) p.toughness = body.toughness[i];
+    for (std::size_t c = 0; c < part.given.size(); c++) state[c] = part.given[c] ? (*part.given[c])[i] : initial[c];
+    for (const auto* family : {material.layout().fiber ? &body.fibers.first : nullptr,
+                               material.layout().second_fiber ? &body.fibers.second : nullptr})
+      if (family) fibers = std::copy_n((*family)[i].data(), 3, fibers);
+    return p;
+  };
+  sets_.back()->assign({count, position, read});
+  for (Part& part : parts) {
+    part.body->particles = {};
+    part.body->fibers = {};
+    part.body->toughness = {};
   }
 }
 

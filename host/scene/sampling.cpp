@@ -62,23 +62,22 @@ class Filling {
 
   std::vector<Vector3> positions() {
     find_blocks();
-    std::vector<std::vector<Vector3>> found(blocks_.size());
-    tbb::parallel_for(std::size_t{0}, blocks_.size(), [&](std::size_t b) {
-      found[b].reserve(1u << (3 * block_level));
-      fill(blocks_[b].lowest, block_level, blocks_[b].full, found[b]);
-      found[b].shrink_to_fit();
-    });
-    std::vector<std::size_t> begins(blocks_.size() + 1, 0);
-    for (std::size_t b = 0; b < blocks_.size(); ++b) begins[b + 1] = begins[b] + found[b].size();
-    std::vector<Vector3> all(begins.back());
-    tbb::parallel_for(std::size_t{0}, blocks_.size(), [&](std::size_t b) {
-      std::copy(found[b].begin(), found[b].end(), all.begin() + static_cast<std::ptrdiff_t>(begins[b]));
-    });
+    std::vector<Vector3> all;
+    std::vector<std::vector<Vector3>> found(std::min(batch, blocks_.size()));
+    for (std::size_t first = 0; first < blocks_.size(); first += batch) {
+      const std::size_t n = std::min(batch, blocks_.size() - first);
+      tbb::parallel_for(std::size_t{0}, n, [&](std::size_t b) {
+        found[b].clear();
+        fill(blocks_[first + b].lowest, block_level, blocks_[first + b].full, found[b]);
+      });
+      for (std::size_t b = 0; b < n; ++b) all.insert(all.end(), found[b].begin(), found[b].end());
+    }
     return all;
   }
 
  private:
-  static constexpr int block_level = 3;  // blocks of 8 lattice cubes a side are the unit of parallel work
+  static constexpr int block_level = 3;      // blocks of 8 lattice cubes a side are the unit of parallel work
+  static constexpr std::size_t batch = 256;  // blocks whose points are held twice
   struct Block {
     Lattice lowest;
     bool full;
