@@ -50,6 +50,7 @@ void triad(benchmark::State& state, const Scale& scale) {
   const mpm::Buffer a(scale.memory_bytes), b(scale.memory_bytes), c(scale.memory_bytes);
   const std::size_t count = scale.memory_bytes / sizeof(float);
   for (std::size_t i = 0; i < count; i++) {
+    numbers(a)[i] = -1;  // pages are there from the start
     numbers(b)[i] = float(i % 1024);
     numbers(c)[i] = float(i % 3);
   }
