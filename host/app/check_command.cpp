@@ -1,6 +1,7 @@
 #include "app/check_command.hpp"
 
 #include "common/error.hpp"
+#include "plugins/isa.hpp"
 #include "plugins/registry.hpp"
 
 #include <cleave/testkit/runner.hpp>
@@ -16,12 +17,13 @@
 namespace cleave::app {
 namespace {
 
-/// A file, or the library of the plugin of this ID.
+/// A file, or the library of the plugin of this ID: its build for an instruction set if one is forced.
 std::filesystem::path library_of(const std::string& plugin) {
   if (std::filesystem::is_regular_file(plugin)) return plugin;
   const plugins::Registry registry(plugins::Registry::default_search_path());
   for (const auto& found : registry.found())
-    if (found.description && found.description->id == plugin && found.refusal.empty()) return found.path;
+    if (found.description && found.description->id == plugin && found.refusal.empty())
+      return plugins::forced_variant(found.path);
   if (plugin.ends_with(".so")) throw InputError("there is no plugin library \"" + plugin + "\"");
   throw InputError(registry.unknown_id(plugin));
 }
@@ -30,7 +32,7 @@ std::vector<std::filesystem::path> all_libraries() {
   std::vector<std::filesystem::path> libraries;
   const plugins::Registry registry(plugins::Registry::default_search_path());
   for (const auto& found : registry.found())
-    libraries.push_back(found.path);  // those that are refused, too: they fail abi.loads
+    libraries.push_back(plugins::forced_variant(found.path));  // those that are refused, too: they fail abi.loads
   if (libraries.empty()) throw InputError("no plugin found; cleave plugins --explain says where they were looked for");
   return libraries;
 }

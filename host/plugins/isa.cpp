@@ -3,6 +3,7 @@
 #include "common/error.hpp"
 
 #include <cstdlib>
+#include <optional>
 #include <string>
 
 namespace cleave::plugins {
@@ -37,16 +38,27 @@ int level_named(const std::string& name, const std::string& said) {
   throw InputError(said + ": must be x86-64-v2, x86-64-v3 or x86-64-v4");
 }
 
+std::optional<int> forced_level() {
+  const char* forced = std::getenv("CLEAVE_ISA");
+  if (!forced || !*forced) return std::nullopt;
+  return level_named(forced, "CLEAVE_ISA=" + std::string(forced));
+}
+
 }  // namespace
 
 std::vector<std::string> preferred_isa_directories() {
-  if (const char* forced = std::getenv("CLEAVE_ISA"); forced && *forced) {
-    const int level = level_named(forced, "CLEAVE_ISA=" + std::string(forced));
-    return level == 2 ? std::vector<std::string>{} : std::vector<std::string>{directory(level)};
-  }
+  if (const auto level = forced_level())
+    return *level == 2 ? std::vector<std::string>{} : std::vector<std::string>{directory(*level)};
   std::vector<std::string> directories;
   for (int level = supported_level(); level >= 3; --level) directories.push_back(directory(level));
   return directories;
+}
+
+std::filesystem::path forced_variant(const std::filesystem::path& library) {
+  const auto level = forced_level();
+  if (!level) return library;
+  const auto variant = library.parent_path() / directory(*level) / library.filename();
+  return std::filesystem::is_regular_file(variant) ? variant : library;
 }
 
 void force_isa(const std::string& name) {

@@ -1,5 +1,6 @@
 #pragma once
 
+#include <filesystem>
 #include <string>
 #include <vector>
 
@@ -9,6 +10,10 @@ namespace cleave::plugins {
 /// {"x86-64-v4", "x86-64-v3"}. CLEAVE_ISA=x86-64-v2|x86-64-v3|x86-64-v4 forces one level (v2: the library itself). Throws
 /// InputError if CLEAVE_ISA names a level that does not exist or that this processor lacks.
 std::vector<std::string> preferred_isa_directories();
+
+/// The build of this library for the level that CLEAVE_ISA names; the library itself if none is named or there is no such
+/// build. Throws InputError as above.
+std::filesystem::path forced_variant(const std::filesystem::path& library);
 
 /// What the option --isa does: CLEAVE_ISA is this level from here on. Throws InputError as above. [main-thread], before plugins
 /// and kernels are loaded.

@@ -224,6 +224,15 @@ TEST_F(BenchSteps, TheInstructionSetCanBeNamedAnywhereOnTheCommandLine) {
   EXPECT_EQ(plugin.parent_path().filename(), "x86-64-v3");
 }
 
+TEST_F(BenchSteps, ChecksAreMadeOfTheBuildForTheInstructionSetThatIsNamed) {
+  if (!processor_has("x86-64-v3")) GTEST_SKIP() << "this processor has no AVX2";
+  const std::string check = "check elasticity/qr --only abi.loads";
+  EXPECT_EQ(cleave(check).out.find("x86-64-v3"), std::string::npos);
+  const Outcome outcome = cleave(check + " --isa x86-64-v3");
+  EXPECT_EQ(outcome.status, 0) << outcome.err;
+  EXPECT_NE(outcome.out.find("/x86-64-v3/qr.so"), std::string::npos) << outcome.out;
+}
+
 TEST_F(BenchSteps, AnInstructionSetThatDoesNotExistIsRefusedByEveryCommand) {
   for (const char* command : {"run scene.toml", "bench steps", "bench kernels", "point elasticity/qr", "check --list"}) {
     const Outcome outcome = cleave(std::string(command) + " --isa avx512");
