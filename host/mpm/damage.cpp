@@ -98,11 +98,20 @@ void DamageEvolution<T, D>::for_homes(const Flags& home, F&& work) {
 }
 
 template <class T, int D>
+void DamageEvolution<T, D>::reach(const Blocks& blocks, std::size_t grid_blocks) {
+  grid_size_ = grid_blocks;
+  const Flags grid = grid_blocks_of(blocks, Flags(blocks.size(), 1));
+  reached_.clear();
+  for (std::size_t b = 0; b < grid.size(); b++)
+    if (grid[b]) reached_.push_back(std::uint32_t(b));
+}
+
+template <class T, int D>
 template <class F>
 void DamageEvolution<T, D>::for_blocks(const Flags& grid, F&& work) {
-  tbb::parallel_for(tbb::blocked_range<std::size_t>(0, grid.size(), 64), [&](const auto& range) {
-    for (std::size_t b = range.begin(); b < range.end(); b++)
-      if (grid[b]) work(b * GridShape<D>::block_nodes);
+  tbb::parallel_for(tbb::blocked_range<std::size_t>(0, reached_.size(), 64), [&](const auto& range) {
+    for (std::size_t i = range.begin(); i < range.end(); i++)
+      if (const std::size_t b = reached_[i]; grid[b]) work(b * GridShape<D>::block_nodes);
   });
 }
 
@@ -117,13 +126,14 @@ void DamageEvolution<T, D>::for_nodes(const Flags& grid, F&& work) {
 template <class T, int D>
 template <class F>
 double DamageEvolution<T, D>::sum_nodes(const Flags& grid, F&& term) {
-  partial_.assign(grid.size(), 0.0);
-  tbb::parallel_for(tbb::blocked_range<std::size_t>(0, grid.size(), 64), [&](const auto& range) {
-    for (std::size_t b = range.begin(); b < range.end(); b++) {
+  partial_.assign(reached_.size(), 0.0);
+  tbb::parallel_for(tbb::blocked_range<std::size_t>(0, reached_.size(), 64), [&](const auto& range) {
+    for (std::size_t i = range.begin(); i < range.end(); i++) {
+      const std::size_t b = reached_[i];
       if (!grid[b]) continue;
       double sum = 0;
       for (std::size_t n = b * GridShape<D>::block_nodes, end = n + GridShape<D>::block_nodes; n < end; n++) sum += term(n);
-      partial_[b] = sum;
+      partial_[i] = sum;
     }
   });
   double sum = 0;
@@ -170,7 +180,7 @@ void DamageEvolution<T, D>::evolve(const ParticleView& view, Particles<T, D>& pa
   const auto active = std::count(active_.begin(), active_.end(), std::uint8_t(1));
   statistics_.active_blocks += particles.blocks().empty() ? 0 : double(active) / double(particles.blocks().size());
   if (local_ || active == 0) return;
-  grid_size_ = grid.blocks();
+  reach(particles.blocks(), grid.blocks());
   collected_.reserve(grid.nodes() * 4 * sizeof(T));
   for (Buffer* b : {&initial_, &change_, &residual_, &direction_, &product_}) b->reserve(grid.nodes() * sizeof(T));
   if (!explicit_) {

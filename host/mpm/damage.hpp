@@ -72,6 +72,8 @@ class DamageEvolution {
   void for_coloured(const Particles<T, D>&, const Flags&, F&&);
   template <class F>
   void for_homes(const Flags&, F&&);
+  /// Finds the grid blocks that particles of this material can reach. Those of others alone are never looked at.
+  void reach(const Blocks&, std::size_t grid_blocks);
   /// Calls f(first node) for each block, f(node) for each node; sums are in block order.
   template <class F>
   void for_blocks(const Flags& grid, F&&);
@@ -90,8 +92,9 @@ class DamageEvolution {
   bool local_, explicit_, cubic_;
   double largest_driving_force_ = 0;
   std::size_t grid_size_ = 0;
-  Flags active_;                   ///< home blocks
-  Buffer driving_force_, volume_;  ///< per slot
+  Flags active_;                        ///< home blocks
+  std::vector<std::uint32_t> reached_;  ///< grid blocks, ascending
+  Buffer driving_force_, volume_;       ///< per slot
   Buffer collected_, initial_, change_, residual_, direction_, product_;
   std::vector<double> partial_;
   std::vector<DamageReport> reports_;
