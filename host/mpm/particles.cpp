@@ -82,6 +82,9 @@ Home home_of(const T* x, const BlockCoordinate& origin) {
   return h;
 }
 
+/// Scratch up to this is kept for the next time: of more, new pages cost little beside the sorting.
+constexpr std::size_t kept_scratch = std::size_t(32) << 20;
+
 /// Places in a sequence of n that are visited together.
 constexpr std::size_t stretch = 256;
 template <class F>
@@ -310,6 +313,8 @@ void Particles<T, D>::sort() {
   });
   blocks_ = std::move(blocks);
   permute();
+  for (Buffer* b : {&from_, &scratch_})
+    if (b->bytes() > kept_scratch) *b = Buffer();
   clear_tails();
   colour();
 }
@@ -321,8 +326,8 @@ void Particles<T, D>::permute() {
   constexpr std::size_t line = CLEAVE_TILE_BYTES;
   const std::size_t stride = layout_.stride, lines = stride / line;
   constexpr std::size_t ahead = 16;  // tiles: a few lines of each are too little for the processor to see a pattern
-  // at least four lines of a tile, and of few tiles as many as the second-level cache may hold
-  const std::size_t group = std::clamp((std::size_t(1) << 20) / (tiles_ * line + 1), std::size_t(4), lines);
+  // at least three lines of a tile, and of few tiles as many as the second-level cache may hold
+  const std::size_t group = std::clamp((std::size_t(1) << 20) / (tiles_ * line + 1), std::size_t(3), lines);
   scratch_.reserve(tiles_ * group * line);
   char* const scratch = scratch_.data();
   char* const tiles = storage_.data();

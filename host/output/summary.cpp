@@ -4,6 +4,9 @@
 
 #include <cmath>
 #include <cstdio>
+#include <cstdlib>
+#include <fstream>
+#include <limits>
 
 namespace cleave::output {
 namespace {
@@ -70,6 +73,15 @@ std::string json(const std::vector<PluginRecord>& plugins) {
   return result.empty() ? "[]" : "[" + result + "\n  ]";
 }
 
+/// The most memory this program has held at once, bytes; NaN where the system does not tell. Unlike getrusage it does not count
+/// what the program was started from.
+double peak_memory() {
+  std::ifstream status("/proc/self/status");
+  for (std::string line; std::getline(status, line);)
+    if (line.starts_with("VmHWM:")) return 1024 * std::strtod(line.c_str() + 6, nullptr);
+  return std::numeric_limits<double>::quiet_NaN();
+}
+
 }  // namespace
 
 std::string summary_json(const Summary& summary) {
@@ -89,6 +101,7 @@ std::string summary_json(const Summary& summary) {
   add("stage_seconds", summary.stage_seconds);
   add("limits", summary.limits);
   add("bytes_per_particle", summary.bytes_per_particle);
+  add("peak_memory_bytes", peak_memory());
   add("plugins", summary.plugins);
   add("threads", summary.threads);
   add("precision", summary.precision);
