@@ -99,6 +99,12 @@ std::vector<Panel> panels(const StepResults& results) {
   return drawn;
 }
 
+/// 99996 as "100k".
+std::string short_number(double x) {
+  if (x >= 999'500) return fmt::format("{:.3g}M", 1e-6 * x);
+  return x >= 1000 ? fmt::format("{:.3g}k", 1e-3 * x) : fmt::format("{:g}", x);
+}
+
 std::string panel_script(const Panel& panel) {
   std::map<std::pair<std::string, config::Precision>, std::map<double, double>> lines;
   std::set<double> ticks;
@@ -108,7 +114,7 @@ std::string panel_script(const Panel& panel) {
     ticks.insert(x);
   }
   std::string data, plots, tick_list;
-  for (const double x : ticks) tick_list += fmt::format("{}{}", tick_list.empty() ? "" : ", ", x);
+  for (const double x : ticks) tick_list += fmt::format("{}'{}' {}", tick_list.empty() ? "" : ", ", short_number(x), x);
   std::map<std::string, int> colors;
   int line = 0;
   for (const auto& [key, points] : lines) {
