@@ -74,6 +74,52 @@ struct Row {
   }
 };
 
+#if defined(__AVX2__) && defined(__FMA__) && !(defined(__AVX512F__) && defined(__AVX512VL__) && defined(__AVX512DQ__))
+/// A register of two nodes and half a register of the third.
+template <>
+struct Row<float> {
+  __m256 r;
+  __m128 s;
+
+  static CLEAVE_INLINE Row zero() { return {_mm256_setzero_ps(), _mm_setzero_ps()}; }
+  static CLEAVE_INLINE Row load(const float* p) { return {_mm256_loadu_ps(p), _mm_load_ps(p + 8)}; }
+  CLEAVE_INLINE void store(float* p) const {
+    _mm256_storeu_ps(p, r);
+    _mm_store_ps(p + 8, s);
+  }
+  static CLEAVE_INLINE Row repeat(const float* p) {
+    const __m128 v = _mm_load_ps(p);
+    return {_mm256_set_m128(v, v), v};
+  }
+  static CLEAVE_INLINE Row weights(const float* w, int step) {
+    return {_mm256_set_m128(_mm_broadcast_ss(w + step), _mm_broadcast_ss(w)), _mm_broadcast_ss(w + 2 * step)};
+  }
+  static CLEAVE_INLINE Row offset(Row x) {
+    return {_mm256_blend_ps(_mm256_setzero_ps(), _mm256_sub_ps(_mm256_setzero_ps(), x.r), 0x0f), x.s};
+  }
+  static CLEAVE_INLINE Row add_offset(Row x, Row base) {
+    return {_mm256_blend_ps(base.r, _mm256_sub_ps(base.r, x.r), 0x0f), _mm_add_ps(base.s, x.s)};
+  }
+  friend CLEAVE_INLINE Row operator+(Row x, Row y) { return {x.r + y.r, x.s + y.s}; }
+  friend CLEAVE_INLINE Row operator-(Row x, Row y) { return {x.r - y.r, x.s - y.s}; }
+  friend CLEAVE_INLINE Row operator*(Row x, Row y) { return {x.r * y.r, x.s * y.s}; }
+  friend CLEAVE_INLINE Row operator*(float k, Row y) { return {_mm256_set1_ps(k) * y.r, _mm_set1_ps(k) * y.s}; }
+  static CLEAVE_INLINE Row multiply_add(float k, Row y, Row z) {
+    return {_mm256_fmadd_ps(_mm256_set1_ps(k), y.r, z.r), _mm_fmadd_ps(_mm_set1_ps(k), y.s, z.s)};
+  }
+  CLEAVE_INLINE void pin() {}
+  static CLEAVE_INLINE void reduce_one(float* out, Row v) {
+    _mm_store_ps(out, _mm_add_ps(_mm_add_ps(_mm256_castps256_ps128(v.r), _mm256_extractf128_ps(v.r, 1)), v.s));
+  }
+  static CLEAVE_INLINE void reduce(float* out, Row v, Row x, Row y, Row z) {
+    reduce_one(out, v);
+    reduce_one(out + 4, x);
+    reduce_one(out + 8, y);
+    reduce_one(out + 12, z);
+  }
+};
+#endif
+
 #if defined(__AVX512F__) && defined(__AVX512VL__) && defined(__AVX512DQ__)
 /// One 512-bit register; the fourth quarter has weight zero and is otherwise carried along.
 template <>

@@ -39,6 +39,17 @@ template <class T>
 CLEAVE_INLINE void store(void* p, Tile<T> v) {
   *static_cast<Tile<T>*>(p) = v;
 }
+/// A number for all lanes, to be made once outside of loops: where no register holds a whole tile, the compiler makes a tile of
+/// a scalar by storing it lane after lane, and waits for all of the stores.
+template <class T>
+CLEAVE_INLINE Tile<T> everywhere(T x) {
+  typedef T Half __attribute__((vector_size(32)));
+  const Half half = x - Half{};
+  Tile<T> tile;
+  std::memcpy(&tile, &half, sizeof half);
+  std::memcpy(reinterpret_cast<char*>(&tile) + sizeof half, &half, sizeof half);
+  return tile;
+}
 template <class T>
 CLEAVE_INLINE Tile<T> maximum(Tile<T> a, Tile<T> b) {
   return a > b ? a : b;

@@ -173,7 +173,8 @@ void particle_to_grid(const ParticleView& set, const BlockView& block, const Ste
   constexpr int quads = D + 1;
   constexpr std::uint32_t row = CLEAVE_TILE_BYTES;
   const bool affine = step.scheme == TransferScheme::apic && step.stress;
-  const T density = T(set.relative_density), cell_size = T(step.cell_size), force = T(step.force_scale);
+  const Tile<T> density = everywhere(T(set.relative_density)), cell_size = everywhere(T(step.cell_size)),
+                force = everywhere(T(step.force_scale));
   for_chunks<T>(
       set, block, [&](const Chunk& chunk) __attribute__((always_inline)) {
         const std::uint64_t first = chunk.first;
@@ -307,8 +308,8 @@ void grid_to_particle(const ParticleView& set, const BlockView& block, const Ste
   const bool flip = step.scheme == TransferScheme::flip, apic = step.scheme == TransferScheme::apic;
   load_arena<T, D>(static_cast<const T*>(step.grid), block, s.gather_arena);
   if (flip) load_arena<T, D>(static_cast<const T*>(step.grid_before), block, s.before_arena);
-  const T dt = T(step.time_step), to_cells = T(step.time_step / step.cell_size), gradient = T(4 / step.cell_size);
-  const T ratio = T(step.flip_ratio);
+  const Tile<T> dt = everywhere(T(step.time_step)), to_cells = everywhere(T(step.time_step / step.cell_size)),
+                gradient = everywhere(T(4 / step.cell_size)), ratio = everywhere(T(step.flip_ratio));
   constexpr T low = T(-0.5), high = T(GridShape<D>::block_edge + 1.5);
   Tile<T> fastest{};
   typename TileTypes<T>::Mask strayed{}, broken{}, inverted{};

@@ -71,6 +71,26 @@ CLEAVE_INLINE void records_to_lanes(const T* records, T* rows) {
     lanes_to_records<T, Quads>(records, rows);  // a 16x16 transpose is its own inverse
     return;
   }
+#elif defined(__AVX2__)
+  // Written in the pieces they are read in: two halves of 16 bytes would not be forwarded to a read of 32.
+  if constexpr (sizeof(T) == 4) {
+    for (int q = 0; q < Quads; q++)
+      for (int l = 0; l < lanes; l += 8) {
+        const float* p = reinterpret_cast<const float*>(records) + l * record_size + 4 * q;
+        const auto two = [&](int i) __attribute__((always_inline)) {
+          return _mm256_set_m128(_mm_load_ps(p + (i + 4) * record_size), _mm_load_ps(p + i * record_size));
+        };
+        const __m256 a = two(0), b = two(1), c = two(2), d = two(3);
+        const __m256 ab_low = _mm256_unpacklo_ps(a, b), ab_high = _mm256_unpackhi_ps(a, b), cd_low = _mm256_unpacklo_ps(c, d),
+                     cd_high = _mm256_unpackhi_ps(c, d);
+        float* out = reinterpret_cast<float*>(rows) + 4 * q * lanes + l;
+        _mm256_store_ps(out, _mm256_shuffle_ps(ab_low, cd_low, 0x44));
+        _mm256_store_ps(out + lanes, _mm256_shuffle_ps(ab_low, cd_low, 0xee));
+        _mm256_store_ps(out + 2 * lanes, _mm256_shuffle_ps(ab_high, cd_high, 0x44));
+        _mm256_store_ps(out + 3 * lanes, _mm256_shuffle_ps(ab_high, cd_high, 0xee));
+      }
+    return;
+  }
 #endif
   for (int q = 0; q < Quads; q++)
     for (int l = 0; l < lanes; l += 4) {
