@@ -1,47 +1,17 @@
 #include "discretization/discretization.hpp"
 
 #include "common/error.hpp"
+#include "config/instantiate.hpp"
+#include "plugins/message.hpp"
 
 #include <fmt/format.h>
 
 #include <Eigen/LU>
 #include <algorithm>
-#include <array>
 #include <cmath>
 
 namespace cleave::discretization {
 namespace {
-
-plugins::Instance instantiate(plugins::Registry& registry, const config::PluginUse& use, const plugins::Context& context) {
-  try {
-    return plugins::Instance(registry.load(use.id), use.parameters, context);
-  } catch (const InputError& e) {
-    throw InputError(error_at(use.where) + e.what());
-  }
-}
-
-/// What a plugin says when it fails.
-class Message {
- public:
-  Message() {
-    message_.struct_size = sizeof message_;
-    message_.text = text_.data();
-    message_.text_capacity = std::uint32_t(text_.size());
-    message_.subject = subject_.data();
-    message_.subject_capacity = std::uint32_t(subject_.size());
-  }
-  Message(const Message&) = delete;
-  cleave_message* get() { return &message_; }
-  std::string text(cleave_result result) {
-    text_.back() = '\0';
-    return text_.front() ? text_.data() : fmt::format("result {}, no reason given", result);
-  }
-
- private:
-  std::array<char, 1024> text_{};
-  std::array<char, 128> subject_{};
-  cleave_message message_{};
-};
 
 std::vector<double> flattened(const std::vector<Vector3>& vectors) {
   std::vector<double> numbers;
@@ -73,7 +43,7 @@ Discretization::Discretization(const config::Scene& scene, const config::Materia
       dimension_(scene.simulation.dimension),
       gravity_(scene.simulation.gravity),
       surroundings_(scene, bodies),
-      instance_(instantiate(registry, *material.discretization, {dimension_, 0, density_})) {
+      instance_(config::instantiate(registry, *material.discretization, {dimension_, 0, density_})) {
   for (const auto& sampled : bodies) {
     const auto& source = sampled.particles;
     const auto refuse = [&](const std::string& what) {
@@ -96,9 +66,9 @@ Discretization::Discretization(const config::Scene& scene, const config::Materia
     given.position = positions.data();
     given.velocity = velocities.data();
     given.volume = body.volumes.data();
-    Message message;
+    plugins::Message message;
     if (const auto result = instance_.discretization().add_body(instance_.handle(), &given, message.get()); result != CLEAVE_OK)
-      refuse(id + " cannot take it: " + message.text(result));
+      refuse(id + " cannot take it: " + message.reason(result));
     points_ += body.volumes.size();
     rest_volume_ += volume;
     bodies_.push_back(std::move(body));
@@ -124,10 +94,10 @@ double Discretization::stable_step() const {
 }
 
 void Discretization::step(double time, double time_step) {
-  Message message;
+  plugins::Message message;
   const auto result =
       instance_.discretization().step(instance_.handle(), time_step, surroundings_.during(time, time_step), message.get());
-  if (result != CLEAVE_OK) fail("failed: " + message.text(result));
+  if (result != CLEAVE_OK) fail("failed: " + message.reason(result));
   for (std::size_t b = 0; b < bodies_.size(); b++) {
     const auto all = fields(b);
     for (const char* name : {"position", "velocity"}) {

@@ -30,7 +30,6 @@ class MixedSimulation final : public mpm::Simulation {
   MixedSimulation(const config::Scene& scene, plugins::Registry& registry) : scene_(scene), held_(scene.handles.size(), 0) {
     if (const auto points = part_of(scene, false); !points.bodies.empty()) {
       mpm_ = create_part(points, registry);
-      for (const float volume : mpm_->frame(0).volumes) mpm_rest_volume_ += double(volume);
       add_held(mpm_->held());
     }
     const auto discretized = part_of(scene, true);
@@ -117,14 +116,14 @@ class MixedSimulation final : public mpm::Simulation {
     r.maximum_J = -r.minimum_J;
     if (mpm_) r = mpm_->measure();
     record_steps(r);
-    double damaged = r.damaged_fraction * mpm_rest_volume_, rest_volume = mpm_rest_volume_;
+    double damaged = r.damaged_fraction * r.rest_volume;
     r.center_of_mass *= r.mass;
     for (const auto& part : parts_) {
       part->measure(r, damaged);
-      rest_volume += part->rest_volume();
+      r.rest_volume += part->rest_volume();
     }
     r.center_of_mass /= r.mass;
-    r.damaged_fraction = damaged / rest_volume;
+    r.damaged_fraction = damaged / r.rest_volume;
     if (mpm_) r.damage_active *= double(mpm_->particles()) / double(particles());
     if (r.minimum_J > r.maximum_J) r.minimum_J = r.maximum_J = 1;
     return r;
@@ -218,7 +217,7 @@ class MixedSimulation final : public mpm::Simulation {
   std::unique_ptr<mpm::Simulation> mpm_;  ///< null if no body is the material point method's
   std::vector<std::unique_ptr<Discretization>> parts_;
   std::vector<std::size_t> held_;
-  double mpm_rest_volume_ = 0, seconds_ = 0;
+  double seconds_ = 0;
 };
 
 }  // namespace

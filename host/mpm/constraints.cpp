@@ -1,6 +1,7 @@
 #include "mpm/constraints.hpp"
 
 #include "common/error.hpp"
+#include "plugins/message.hpp"
 
 #include <cleave/constraint.h>
 
@@ -176,16 +177,14 @@ void Constraints<T, D>::call(const plugins::Instance& law, double time_step) {
   system.nodes = nodes_.data();
   cleave_constraint_report report{};
   report.struct_size = sizeof report;
-  char text[512] = "", subject[64] = "";
-  cleave_message message{sizeof message, sizeof text, text, sizeof subject, 0, subject};
+  plugins::Message message;
 
   const auto fail = [&](const std::string& what) {
     throw SimulationError(fmt::format("plugin {} {} {}", law.description().id, law.description().version, what));
   };
   const auto& table = *static_cast<const cleave_constraint*>(law.plugin().kind_table());
-  if (const cleave_result result = table.project(law.handle(), &system, &report, &message); result != CLEAVE_OK) {
-    text[sizeof text - 1] = 0;
-    fail(*text ? fmt::format("failed: {}", text) : fmt::format("failed with error {}", result));
+  if (const cleave_result result = table.project(law.handle(), &system, &report, message.get()); result != CLEAVE_OK) {
+    fail(*message.text() ? fmt::format("failed: {}", message.text()) : fmt::format("failed with error {}", result));
   }
   for (std::size_t i = 0; i < velocity_.size(); i++)
     if (!std::isfinite(T(velocity_[i]))) {

@@ -1,6 +1,7 @@
 #include "mpm/material.hpp"
 
 #include "common/error.hpp"
+#include "config/instantiate.hpp"
 #include "plugins/elastic_probe.hpp"
 
 #include <fmt/format.h>
@@ -41,14 +42,6 @@ int fibers_needed(const plugins::Instance& law) {
 
 int state_components(const plugins::Instance& law) { return law ? law.description().state_components() : 0; }
 
-plugins::Instance instantiate(plugins::Registry& registry, const config::PluginUse& use, const plugins::Context& context) {
-  try {
-    return plugins::Instance(registry.load(use.id), use.parameters, context);
-  } catch (const InputError& e) {
-    throw InputError(error_at(use.where) + e.what());
-  }
-}
-
 /// A law that builds on the elastic law of the material.
 plugins::Instance instantiate(plugins::Registry& registry, const std::optional<config::PluginUse>& use,
                               plugins::Context context, const plugins::Instance& elasticity) {
@@ -56,7 +49,7 @@ plugins::Instance instantiate(plugins::Registry& registry, const std::optional<c
   const plugins::ElasticProbe probe(elasticity);
   context.isochoric = elasticity.isochoric_response();
   context.elastic = probe.get();
-  return instantiate(registry, *use, context);
+  return config::instantiate(registry, *use, context);
 }
 }  // namespace
 
@@ -64,7 +57,7 @@ Material::Material(const config::Material& m, plugins::Registry& registry, int d
     : name_(m.name),
       density_(m.density),
       dimension_(dimension),
-      elasticity_(instantiate(registry, m.elasticity, {dimension, cell_size, m.density})),
+      elasticity_(config::instantiate(registry, m.elasticity, {dimension, cell_size, m.density})),
       plasticity_(instantiate(registry, m.plasticity, {dimension, cell_size, m.density}, elasticity_)),
       damage_(instantiate(registry, m.damage, {dimension, cell_size, m.density}, elasticity_)),
       constraint_(instantiate(registry, m.constraint, {dimension, cell_size, m.density}, elasticity_)),

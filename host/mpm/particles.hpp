@@ -84,6 +84,20 @@ class Particles {
   std::size_t size() const { return size_; }
   std::size_t tiles() const { return tiles_; }
   char* data() const { return storage_.data(); }
+  /// Where the kernels find what is stored, without laws.
+  ParticleView view() const {
+    ParticleView v;
+    v.tiles = storage_.data();
+    v.stride = layout_.stride;
+    v.position = layout_.position;
+    v.velocity = layout_.velocity;
+    v.affine = layout_.affine;
+    v.volume = layout_.volume;
+    v.strain = layout_.strain;
+    v.stores_b = layout_.stores_b;
+    v.damage = layout_.damage;
+    return v;
+  }
   std::uint32_t id(std::uint64_t slot) const { return ids()[slot]; }
 
   T& value(std::uint32_t offset, std::uint64_t slot) const {

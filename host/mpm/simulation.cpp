@@ -193,24 +193,14 @@ class MpmSimulation final : public Simulation {
 
   ParticleView view(std::size_t set) const {
     const Set& s = *sets_[set];
-    const TileLayout& l = s.layout();
     const Material& m = *materials_[set_material_[set]];
     const Watches& laws = *watches_[set_material_[set]];
-    ParticleView v;
-    v.tiles = s.data();
-    v.stride = l.stride;
-    v.position = l.position;
-    v.velocity = l.velocity;
-    v.affine = l.affine;
-    v.volume = l.volume;
-    v.strain = l.strain;
-    v.stores_b = l.stores_b;
+    ParticleView v = s.view();
     v.detect_inversion = m.detects_inversion();
     v.relative_density = m.density() / reference_density_;
     v.elasticity = laws.stress.watched();
     if (m.damage()) {
       v.degraded_elasticity = laws.degraded_stress.watched();
-      v.damage = l.damage;
       v.residual = m.damage_model().residual;
     }
     v.plasticity = laws.return_mapping.watched();
@@ -852,7 +842,7 @@ output::FrameRecord MpmSimulation<T, D>::measure() {
   r.maximum_J = -r.minimum_J;
   const double cell_volume = std::pow(cell_size_, D), inertia = cell_size_ * cell_size_ / 4;
   const Vector3 g = scene_.simulation.gravity;
-  double damaged = 0, rest_volume = 0, active = 0;
+  double damaged = 0, active = 0;
   std::int64_t solves = 0, iterations = 0, unconverged = 0;
   for (std::size_t k = 0; k < sets_.size(); k++) {
     const Set& s = *sets_[k];
@@ -913,7 +903,7 @@ output::FrameRecord MpmSimulation<T, D>::measure() {
       r.maximum_speed = std::max(r.maximum_speed, sum.speed);
       r.maximum_damage = std::max(r.maximum_damage, sum.damage);
       damaged += sum.damaged;
-      rest_volume += sum.mass / density;
+      r.rest_volume += sum.mass / density;
     }
     if (damage_[k]) {
       const auto statistics = damage_[k]->take_statistics();
@@ -924,7 +914,7 @@ output::FrameRecord MpmSimulation<T, D>::measure() {
       if (statistics.steps) active += statistics.active_blocks / double(statistics.steps) * double(s.size());
     }
   }
-  if (rest_volume > 0) r.damaged_fraction = damaged / rest_volume;
+  if (r.rest_volume > 0) r.damaged_fraction = damaged / r.rest_volume;
   if (solves) r.damage_iterations = double(iterations) / double(solves);
   r.damage_active = active / double(particle_count_);
   if (constraints_) {

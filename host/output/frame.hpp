@@ -47,6 +47,7 @@ struct FrameRecord {
   Vector3 center_of_mass = Vector3::Zero();                           ///< m
   double mass = 0;                                                    ///< kg
   double volume = 0;                                                  ///< current, m^3
+  double rest_volume = 0;                                             ///< m^3, no column of the table
   double minimum_J = 1, maximum_J = 1;
   double maximum_speed = 0;  ///< m/s
   double maximum_damage = 0;

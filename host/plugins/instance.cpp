@@ -1,9 +1,9 @@
 #include "common/error.hpp"
 #include "common/nearest.hpp"
+#include "plugins/message.hpp"
 #include "plugins/parameters.hpp"
 #include "plugins/registry.hpp"
 
-#include <array>
 #include <utility>
 
 namespace cleave::plugins {
@@ -84,19 +84,11 @@ Instance::Instance(std::shared_ptr<const Plugin> plugin, const GivenParameters& 
   surroundings.isochoric = context.isochoric ? &*context.isochoric : nullptr;
   surroundings.elastic = context.elastic;
 
-  std::array<char, 1024> text{};
-  std::array<char, 128> subject{};
-  cleave_message message{};
-  message.struct_size = sizeof message;
-  message.text = text.data();
-  message.text_capacity = std::uint32_t(text.size());
-  message.subject = subject.data();
-  message.subject_capacity = std::uint32_t(subject.size());
-  const cleave_result result = plugin_->table().create(&parameters, &surroundings, &handle_, &message);
+  Message message;
+  const cleave_result result = plugin_->table().create(&parameters, &surroundings, &handle_, message.get());
   if (result != CLEAVE_OK) {
     handle_ = nullptr;
-    text.back() = subject.back() = '\0';
-    throw InputError(refusal(description, result, text.data(), subject.data()));
+    throw InputError(refusal(description, result, message.text(), message.subject()));
   }
   if (!handle_) throw InputError(description.id + ": create() gave no instance");
 }

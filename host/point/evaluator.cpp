@@ -2,6 +2,7 @@
 
 #include "common/error.hpp"
 #include "mpm/law_layout.hpp"
+#include "plugins/message.hpp"
 
 #include <Eigen/Dense>
 
@@ -228,14 +229,7 @@ class BatchEvaluator final : public Evaluator {
 
   void call(const plugins::Instance& law, Call function, const mpm::LawLayout& layout, std::size_t count) {
     std::array<cleave_status, batch_size> status{};
-    std::array<char, 1024> text{};
-    std::array<char, 128> subject{};
-    cleave_message message{};
-    message.struct_size = sizeof message;
-    message.text = text.data();
-    message.text_capacity = std::uint32_t(text.size());
-    message.subject = subject.data();
-    message.subject_capacity = std::uint32_t(subject.size());
+    plugins::Message message;
     cleave_batch batch{};
     batch.struct_size = sizeof batch;
     batch.count = std::uint32_t(count);
@@ -243,13 +237,9 @@ class BatchEvaluator final : public Evaluator {
     batch.streams[stored] = stored_.data();
     batch.streams[scratch] = scratch_.data();
     batch.status = status.data();
-    batch.message = &message;
+    batch.message = message.get();
     const cleave_result result = function(law.handle(), &batch);
-    if (result != CLEAVE_OK) {
-      text.back() = '\0';
-      throw SimulationError(law.description().id + " cannot go on: " +
-                            (text[0] ? text.data() : "result " + std::to_string(result) + ", no reason given"));
-    }
+    if (result != CLEAVE_OK) throw SimulationError(law.description().id + " cannot go on: " + message.reason(result));
     for (std::size_t k = 0; k < count; ++k) worst_[k] = std::max(worst_[k], status[k]);
   }
 

@@ -4,6 +4,7 @@
 #include "mpm/failed_batch.hpp"
 #include "mpm/law_layout.hpp"
 #include "plugins/elastic_probe.hpp"
+#include "plugins/message.hpp"
 #include "point/columns.hpp"
 
 #include <algorithm>
@@ -115,14 +116,7 @@ Outcome call_again(const mpm::FailedBatch& batch, const plugins::Instance& law) 
   for (const auto& [id, components] : places) layout.add(id, components);
 
   std::vector<Row> memory(tiles * rows);
-  std::array<char, 1024> text{};
-  std::array<char, 128> subject{};
-  cleave_message message{};
-  message.struct_size = sizeof message;
-  message.text = text.data();
-  message.text_capacity = std::uint32_t(text.size());
-  message.subject = subject.data();
-  message.subject_capacity = std::uint32_t(subject.size());
+  plugins::Message message;
   Outcome outcome;
   cleave_batch call{};
   call.struct_size = sizeof call;
@@ -131,7 +125,7 @@ Outcome call_again(const mpm::FailedBatch& batch, const plugins::Instance& law) 
   call.streams[0] = memory.data();
   call.time_step = batch.time_step;
   call.status = outcome.status.data();
-  call.message = &message;
+  call.message = message.get();
   // Lanes beyond the last point are computed too.
   for (const auto& [id, values] : batch.inputs)
     for (std::size_t c = 0; c < values.size(); ++c)
@@ -139,8 +133,7 @@ Outcome call_again(const mpm::FailedBatch& batch, const plugins::Instance& law) 
         *mpm::value_at<T>(call, places[id][c], k) = T(values[c][std::min(k, batch.count - 1)]);
 
   outcome.result = entry_point(law, batch.single)(law.handle(), &call);
-  text.back() = '\0';
-  outcome.message = text.data();
+  outcome.message = message.text();
   std::vector<cleave_component> results;
   for (const auto id : batch.wanted) results.insert(results.end(), places[id].begin(), places[id].end());
   outcome.not_finite = mpm::refuse_not_finite<T>(call, results.data(), results.size());
