@@ -6,6 +6,7 @@
 #include <unistd.h>
 
 #include <cstddef>
+#include <cstdint>
 #include <cstring>
 #include <vector>
 
@@ -23,6 +24,8 @@ class Guarded {
     std::memset(base_ + page_, pattern, inside_ - bytes_);
     if (bytes_) std::memcpy(data(), values, bytes_);
   }
+  /// Zeros.
+  explicit Guarded(std::size_t count) : Guarded(std::vector<T>(count)) {}
   explicit Guarded(const std::vector<T>& values) : Guarded(values.data(), values.size()) {}
   Guarded(const Guarded&) = delete;
   Guarded& operator=(const Guarded&) = delete;
@@ -45,6 +48,20 @@ class Guarded {
   static constexpr unsigned char pattern = 0xA5;
   std::size_t bytes_, page_, inside_;
   char* base_;
+};
+
+/// The first `size` bytes of a struct, behind which, rounded up to a multiple of eight, memory cannot be accessed.
+template <class T>
+class Truncated {
+ public:
+  Truncated(const T& value, std::size_t size) : words_((size + 7) / 8) {
+    static_assert(alignof(T) <= 8);
+    std::memcpy(words_.data(), &value, size);
+  }
+  T* data() const { return reinterpret_cast<T*>(words_.data()); }
+
+ private:
+  Guarded<std::uint64_t> words_;
 };
 
 /// A struct as a newer host writes it: larger, and with members this version does not know.

@@ -41,21 +41,12 @@ class Specimen {
     T* ones = reinterpret_cast<T*>(constants_.data()) + lanes;
     std::fill_n(ones, lanes, T(1));
     link();
-    const mpm::TileLayout& l = particles.layout();
-    view.tiles = particles.data();
-    view.stride = l.stride;
-    view.position = l.position;
-    view.velocity = l.velocity;
-    view.affine = l.affine;
-    view.volume = l.volume;
-    view.strain = l.strain;
-    view.stores_b = l.stores_b;
+    view = particles.view();
     view.detect_inversion = material.detects_inversion();
     view.elasticity = stress_.watched();
     view.constants = constants_.data();
     if (damage) {
       view.degraded_elasticity = degraded_stress_.watched();
-      view.damage = l.damage;
       view.residual = material.damage_model().residual;
     }
     step.time_step = 1e-9;  // nothing moves out of its place, however often the step is taken

@@ -1,6 +1,7 @@
 #include "mpm/particles.hpp"
 
 #include "common/error.hpp"
+#include "particle_kinds.hpp"
 
 #include <gtest/gtest.h>
 
@@ -10,15 +11,8 @@
 namespace cleave::mpm {
 namespace {
 
-template <class Real, int Dimension>
-struct Kind {
-  using T = Real;
-  static constexpr int D = Dimension;
-};
-
 template <class K>
 class SortedParticles : public testing::Test {};
-using Kinds = testing::Types<Kind<float, 2>, Kind<float, 3>, Kind<double, 2>, Kind<double, 3>>;
 TYPED_TEST_SUITE(SortedParticles, Kinds);
 
 template <class T, int D>

@@ -3,6 +3,7 @@
 #include "mpm/particles.hpp"
 
 #include "common/error.hpp"
+#include "particle_kinds.hpp"
 
 #include <gtest/gtest.h>
 #include <tbb/global_control.h>
@@ -15,15 +16,8 @@
 namespace cleave::mpm {
 namespace {
 
-template <class Real, int Dimension>
-struct Kind {
-  using T = Real;
-  static constexpr int D = Dimension;
-};
-
 template <class K>
 class Sort : public testing::Test {};
-using Kinds = testing::Types<Kind<float, 2>, Kind<float, 3>, Kind<double, 2>, Kind<double, 3>>;
 TYPED_TEST_SUITE(Sort, Kinds);
 
 /// Every stored number of a particle, and where it is.

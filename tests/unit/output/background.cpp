@@ -19,17 +19,6 @@ using testing::AllOf;
 using testing::HasSubstr;
 using namespace std::chrono_literals;
 
-/// What an action throws, or "".
-template <class Action>
-std::string error_of(const Action& action) {
-  try {
-    action();
-  } catch (const InputError& error) {
-    return error.what();
-  }
-  return "";
-}
-
 struct Background : RunDirectory {
   FrameRecord row(int frame) const {
     FrameRecord record;

@@ -16,17 +16,6 @@ namespace {
 using testing::AllOf;
 using testing::HasSubstr;
 
-/// What writing throws, or "" if it succeeds.
-template <class Action>
-std::string error_of(const Action& action) {
-  try {
-    action();
-  } catch (const InputError& error) {
-    return error.what();
-  }
-  return "";
-}
-
 /// No file grows beyond this: the write that would fails as on a full disk, part of it done.
 class SizeLimit {
  public:

@@ -1,5 +1,6 @@
 #pragma once
 
+#include "common/error.hpp"
 #include "output/frame.hpp"
 
 #include <gtest/gtest.h>
@@ -12,6 +13,17 @@
 #include <set>
 
 namespace cleave::output {
+
+/// What an action throws, or "".
+template <class Action>
+std::string error_of(const Action& action) {
+  try {
+    action();
+  } catch (const InputError& error) {
+    return error.what();
+  }
+  return "";
+}
 
 /// Each test writes into a directory of its own.
 class RunDirectory : public testing::Test {

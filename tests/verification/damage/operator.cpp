@@ -45,7 +45,7 @@ class Discrete {
     DamageView damage;
     damage.volume = volume_.data();
     for (const auto& b : particles_.blocks())
-      kernels().stiffness(view(), b, damage, reinterpret_cast<T*>(from.data()), reinterpret_cast<T*>(to.data()),
+      kernels().stiffness(particles_.view(), b, damage, reinterpret_cast<T*>(from.data()), reinterpret_cast<T*>(to.data()),
                           scratch_.data());
     const T* result = reinterpret_cast<T*>(to.data());
     return {result, result + size()};
@@ -75,18 +75,6 @@ class Discrete {
 
  private:
   const DamageKernels<T, D>& kernels() const { return kernels_of<T, D>(load_kernels().damage); }
-  ParticleView view() const {
-    ParticleView v;
-    const TileLayout& l = particles_.layout();
-    v.tiles = particles_.data();
-    v.stride = l.stride;
-    v.position = l.position;
-    v.volume = l.volume;
-    v.strain = l.strain;
-    v.damage = l.damage;
-    return v;
-  }
-
   Particles<T, D> particles_;
   Grid<T, D> grid_;
   Buffer volume_, scratch_;

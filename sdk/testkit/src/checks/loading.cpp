@@ -1,3 +1,4 @@
+#include "guarded.hpp"
 #include "manifest_text.hpp"
 
 #include <cleave/damage.h>
@@ -8,8 +9,6 @@
 #include <elf.h>
 #include <link.h>
 #include <malloc.h>
-#include <sys/mman.h>
-#include <unistd.h>
 
 #include <algorithm>
 #include <chrono>
@@ -20,38 +19,6 @@
 
 namespace cleave::testkit {
 namespace {
-
-/// A copy of a struct behind whose `size` bytes, rounded up to a multiple of eight, memory cannot be accessed.
-class Truncated {
- public:
-  Truncated(const void* source, std::size_t size) : page_(std::size_t(sysconf(_SC_PAGESIZE))) {
-    memory_ = static_cast<char*>(mmap(nullptr, 2 * page_, PROT_READ | PROT_WRITE, MAP_PRIVATE | MAP_ANONYMOUS, -1, 0));
-    if (memory_ == MAP_FAILED) throw Failed{"no memory for the check"};
-    constexpr std::size_t alignment = 8;
-    data_ = memory_ + page_ - (size + alignment - 1) / alignment * alignment;
-    std::memcpy(data_, source, size);
-    mprotect(memory_ + page_, page_, PROT_NONE);
-  }
-  Truncated(const Truncated&) = delete;
-  Truncated& operator=(const Truncated&) = delete;
-  ~Truncated() { munmap(memory_, 2 * page_); }
-  void* data() const { return data_; }
-
- private:
-  std::size_t page_;
-  char *memory_, *data_;
-};
-
-/// A struct as a newer host writes it: larger, and with members this version does not know.
-template <class T>
-struct Oversized {
-  T known;
-  unsigned char unknown[64];
-  explicit Oversized(const T& value) : known(value) {
-    std::memset(unknown, 0x5A, sizeof unknown);
-    known.struct_size = sizeof *this;
-  }
-};
 
 void loads(Context& context) { context.plugin(); }
 
@@ -94,13 +61,13 @@ void negotiates_version(Context& context) {
     cleave_host host = this_host();
     host.abi = {major, 7};
     host.name = host.version = reinterpret_cast<const char*>(8);
-    const Truncated seen(&host, offsetof(cleave_host, abi) + sizeof host.abi);
+    const Truncated seen(host, offsetof(cleave_host, abi) + sizeof host.abi);
     const cleave_plugin* plugin = nullptr;
     context.doing("asked by a host of ABI version " + std::to_string(major));
-    if (entry(static_cast<const cleave_host*>(seen.data()), &plugin) != CLEAVE_ERROR_ABI)
+    if (entry(seen.data(), &plugin) != CLEAVE_ERROR_ABI)
       context.fail("does not refuse a host of ABI version " + std::to_string(major) + ".7 with CLEAVE_ERROR_ABI");
   }
-  Oversized newer(this_host());
+  Enlarged newer(this_host());
   newer.known.abi.minor = CLEAVE_ABI_MINOR + 50;
   const cleave_plugin* plugin = nullptr;
   context.doing("asked by a host of a newer minor version");
@@ -150,13 +117,13 @@ void struct_sizes(Context& context) {
   const Plugin& plugin = context.plugin();
   const auto entry = entry_of(open_library(context.library()));
   {
-    const std::uint32_t size = offsetof(cleave_host, abi);
-    const Truncated host(&size, sizeof size);
+    cleave_host short_host{};
+    short_host.struct_size = offsetof(cleave_host, abi);
+    const Truncated host(short_host, short_host.struct_size);
     const cleave_plugin* table = nullptr;
     context.doing("given a cleave_host of four bytes");
-    if (entry(static_cast<const cleave_host*>(host.data()), &table) == CLEAVE_OK)
-      context.fail("accepts a cleave_host that does not state its version");
-    const Oversized newer(this_host());
+    if (entry(host.data(), &table) == CLEAVE_OK) context.fail("accepts a cleave_host that does not state its version");
+    const Enlarged newer(this_host());
     context.doing("given a larger cleave_host");
     if (entry(&newer.known, &table) != CLEAVE_OK) context.fail("refuses a host whose cleave_host is larger");
   }
@@ -174,17 +141,17 @@ void struct_sizes(Context& context) {
     const PackedParameters parameters(plugin.schema(), settings);
     cleave_context without_probe = material.context;
     without_probe.struct_size = offsetof(cleave_context, elastic);
-    const Truncated surroundings(&without_probe, without_probe.struct_size);
+    const Truncated surroundings(without_probe, without_probe.struct_size);
     context.doing("given a cleave_context that ends before `elastic`");
-    create(parameters.get(), static_cast<const cleave_context*>(surroundings.data()), false);
+    create(parameters.get(), surroundings.data(), false);
 
-    const Oversized larger(material.context);
+    const Enlarged larger(material.context);
     context.doing("given a larger cleave_context");
     create(parameters.get(), &larger.known, true);
 
-    std::vector<Oversized<cleave_parameter>> values;
+    std::vector<Enlarged<cleave_parameter>> values;
     for (std::uint32_t i = 0; i < parameters.get()->count; ++i) values.emplace_back(parameters.get()->values[i]);
-    Oversized list(*parameters.get());
+    Enlarged list(*parameters.get());
     list.known.values = values.empty() ? nullptr : &values[0].known;
     context.doing("given larger elements of cleave_parameters");
     create(&list.known, &material.context, true);
@@ -195,18 +162,18 @@ void struct_sizes(Context& context) {
     parameters.refresh();
     Words words;
     words.message.struct_size = offsetof(cleave_message, subject_capacity);
-    const Truncated message(&words.message, words.message.struct_size);
+    const Truncated message(words.message, words.message.struct_size);
     cleave_instance* refused = nullptr;
     context.doing("given a cleave_message that ends before `subject`");
-    plugin.table().create(parameters.get(), &material.context, &refused, static_cast<cleave_message*>(message.data()));
+    plugin.table().create(parameters.get(), &material.context, &refused, message.data());
     plugin.table().destroy(refused);
   }
   if (material.context.isochoric) {
     cleave_isochoric_response response = material.response;
     response.struct_size = offsetof(cleave_isochoric_response, bulk_modulus);
-    const Truncated seen(&response, response.struct_size);
+    const Truncated seen(response, response.struct_size);
     cleave_context surroundings = material.context;
-    surroundings.isochoric = static_cast<const cleave_isochoric_response*>(seen.data());
+    surroundings.isochoric = seen.data();
     const PackedParameters parameters(plugin.schema(), settings);
     context.doing("given a cleave_isochoric_response that ends before `bulk_modulus`");
     create(parameters.get(), &surroundings, false);
@@ -216,17 +183,17 @@ void struct_sizes(Context& context) {
           plugin.table().extension(CLEAVE_EXTENSION_ISOCHORIC_RESPONSE))) {
     cleave_isochoric_response response{};
     response.struct_size = offsetof(cleave_isochoric_response, bulk_modulus);
-    const Truncated seen(&response, response.struct_size);
+    const Truncated seen(response, response.struct_size);
     context.doing("asked for a cleave_isochoric_response that ends before `bulk_modulus`");
-    extension->response(instance.handle(), static_cast<cleave_isochoric_response*>(seen.data()));
+    extension->response(instance.handle(), seen.data());
   }
   if (plugin.kind() == damage_kind) {
     const auto& table = *static_cast<const cleave_damage*>(plugin.kind_table());
     cleave_damage_model model{};
     model.struct_size = offsetof(cleave_damage_model, residual);
-    const Truncated seen(&model, model.struct_size);
+    const Truncated seen(model, model.struct_size);
     context.doing("given a cleave_damage_model that ends before `residual`");
-    table.model(instance.handle(), static_cast<cleave_damage_model*>(seen.data()));
+    table.model(instance.handle(), seen.data());
   }
   if (!(plugin.kind() & batch_kinds)) return;
   Random random(context.seed());
@@ -243,8 +210,8 @@ void struct_sizes(Context& context) {
 
       context.doing("given a larger cleave_batch and cleave_layout");
       PreparedCall call(instance, precision, request);
-      Oversized layout(*call.batch().layout);
-      Oversized batch(call.batch());
+      Enlarged layout(*call.batch().layout);
+      Enlarged batch(call.batch());
       call.batch().layout = batch.known.layout = &layout.known;
       const std::uint32_t size = batch.known.struct_size;
       call.batch() = batch.known;
