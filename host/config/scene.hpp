@@ -38,6 +38,20 @@ struct DamageSolver {
   bool operator==(const DamageSolver&) const = default;
 };
 
+enum class Integrator {
+  symplectic,  ///< symplectic Euler: forces of the state the step starts from
+  implicit,    ///< backward Euler: forces of the state it ends in
+  automatic    ///< whichever is predicted to cost less
+};
+
+/// How the equations of an implicit step are solved.
+struct ImplicitSolver {
+  double tolerance = 1e-3;              ///< impulses out of balance, relative to those that balance
+  int maximum_iterations = 30;          ///< of Newton's method
+  int maximum_linear_iterations = 500;  ///< of conjugate gradients, in each of them
+  bool operator==(const ImplicitSolver&) const = default;
+};
+
 struct Simulation {
   int dimension = 3;
   double cell_size = 0;             ///< m
@@ -50,6 +64,8 @@ struct Simulation {
   Vector3 gravity = Vector3(0, 0, 0);  ///< m/s^2
   Transfer transfer = Transfer::apic;
   double flip_ratio = 0.95;  ///< of Transfer::flip
+  Integrator integrator = Integrator::symplectic;
+  ImplicitSolver implicit;
   DamageSolver damage;
 };
 

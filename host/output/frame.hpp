@@ -55,6 +55,8 @@ struct FrameRecord {
   double damage_iterations = 0;             ///< of the implicit solves since the previous frame, mean
   std::int64_t damage_iterations_most = 0;  ///< and largest
   double damage_active = 0;                 ///< part of the particles in blocks where damage evolves, mean
+  double newton_iterations = 0;             ///< of the implicit steps since the previous frame, mean
+  double linear_iterations = 0;             ///< of conjugate gradients in those steps, mean of their sum over a step
   double constraint_iterations = 0;         ///< of the projections onto constraints since the previous frame, mean
   double constraint_residual = 0;           ///< what they leave, relative to what they found, largest
   double wall_seconds = 0;

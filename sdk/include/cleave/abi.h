@@ -22,7 +22,7 @@ extern "C" {
 #endif
 
 #define CLEAVE_ABI_MAJOR 1u
-#define CLEAVE_ABI_MINOR 0u
+#define CLEAVE_ABI_MINOR 1u
 
 #if defined(_WIN32)
 #define CLEAVE_EXPORT __declspec(dllexport)
@@ -191,11 +191,12 @@ enum cleave_capability {
   CLEAVE_NEEDS_ISOCHORIC_RESPONSE = 1 << 10, /* extension "cleave.isochoric-response/1" */
   CLEAVE_NEEDS_TENSILE_ENERGY = 1 << 11,
   CLEAVE_NEEDS_EFFECTIVE_STRESS = 1 << 12,
-  CLEAVE_FLOW_IS_ISOCHORIC = 1 << 13,     /* plasticity: the return keeps det b */
-  CLEAVE_DAMAGE_IS_LOCAL = 1 << 14,       /* damage: writes the new damage itself, no gradient term */
-  CLEAVE_SINGLE = 1 << 15,                /* offers f32 batches */
-  CLEAVE_DOUBLE = 1 << 16,                /* offers f64 batches */
-  CLEAVE_HAS_ISOCHORIC_RESPONSE = 1 << 17 /* elasticity: offers extension "cleave.isochoric-response/1" */
+  CLEAVE_FLOW_IS_ISOCHORIC = 1 << 13,      /* plasticity: the return keeps det b */
+  CLEAVE_DAMAGE_IS_LOCAL = 1 << 14,        /* damage: writes the new damage itself, no gradient term */
+  CLEAVE_SINGLE = 1 << 15,                 /* offers f32 batches */
+  CLEAVE_DOUBLE = 1 << 16,                 /* offers f64 batches */
+  CLEAVE_HAS_ISOCHORIC_RESPONSE = 1 << 17, /* elasticity: offers extension "cleave.isochoric-response/1" */
+  CLEAVE_HAS_PIOLA = 1 << 18               /* elasticity: computes PIOLA from F (since 1.1) */
 };
 
 /* Keys of which one whole set has to be given: each entry of `sets` is a space-separated list of keys, for example
@@ -267,7 +268,8 @@ enum cleave_field_id {
   CLEAVE_FIELD_TENSILE_ENERGY_IN = 20,   /* 1 in  psi_plus as the elastic law gave it                              [J/m^3] */
   CLEAVE_FIELD_EFFECTIVE_STRESS_IN = 21, /* 6 in  effective stress as the elastic law gave it                      [Pa] */
   CLEAVE_FIELD_TOUGHNESS = 22,           /* 1 in   factor on the toughness of this point; absent: 1                      [1] */
-  CLEAVE_FIELD_COUNT = 23
+  CLEAVE_FIELD_PIOLA = 23, /* 9 out  first Piola-Kirchhoff stress P(F), degraded by g; reads F (since 1.1)              [Pa] */
+  CLEAVE_FIELD_COUNT = 24
 };
 
 typedef struct cleave_component {
