@@ -116,11 +116,40 @@ void read_time_step(TableReader& table, Simulation& simulation) {
     table.error_at("time_step", "'time_step' must be \"auto\" or a number (s), is " + found(*node));
 }
 
+constexpr Range between_0_and_1{.minimum = 0, .maximum = 1, .minimum_open = true, .maximum_open = true};
+
+ImplicitSolver read_implicit_solver(TableReader table) {
+  ImplicitSolver solver;
+  solver.tolerance = table.number("tolerance", "1", between_0_and_1).value_or(solver.tolerance);
+  solver.maximum_iterations = int(table.integer("maximum_iterations", 1, 1000).value_or(solver.maximum_iterations));
+  solver.maximum_linear_iterations =
+      int(table.integer("maximum_linear_iterations", 1, 100000).value_or(solver.maximum_linear_iterations));
+  table.finish();
+  return solver;
+}
+
+/// "integrator" and what goes with it. The choice of an automatic one is that of a step, too, so that none can be given.
+void read_integrator(TableReader& table, Simulation& simulation) {
+  const bool has_integrator = table.has("integrator");
+  const auto integrator = table.choice("integrator", {"symplectic", "implicit", "auto"});
+  simulation.integrator = Integrator(integrator.value_or(std::size_t(simulation.integrator)));
+  if (has_integrator && !integrator) {
+    table.has("implicit");
+  } else if (simulation.integrator == Integrator::symplectic) {
+    table.refuse("implicit", "is only used with integrator = \"implicit\" or \"auto\"");
+  } else if (auto implicit = table.table("implicit", "[simulation.implicit]")) {
+    simulation.implicit = read_implicit_solver(std::move(*implicit));
+  }
+  if (simulation.integrator == Integrator::automatic && simulation.time_step)
+    table.error_at("time_step",
+                   "'time_step' must be \"auto\" with integrator = \"auto\", which compares the steps that each integrator can "
+                   "take; give 'maximum_time_step', or name the integrator");
+}
+
 DamageSolver read_damage_solver(TableReader table) {
   DamageSolver solver;
   solver.passes = int(table.integer("passes", 1, 20).value_or(solver.passes));
-  solver.tolerance = table.number("tolerance", "1", {.minimum = 0, .maximum = 1, .minimum_open = true, .maximum_open = true})
-                         .value_or(solver.tolerance);
+  solver.tolerance = table.number("tolerance", "1", between_0_and_1).value_or(solver.tolerance);
   solver.maximum_iterations = int(table.integer("maximum_iterations", 1, 100000).value_or(solver.maximum_iterations));
   solver.laplacian = Laplacian(table.choice("laplacian", {"weak", "cubic"}).value_or(std::size_t(solver.laplacian)));
   solver.active_set = table.boolean("active_set").value_or(solver.active_set);
@@ -147,6 +176,7 @@ Simulation read_simulation(TableReader table) {
     table.refuse("flip_ratio", "is only used with transfer = \"flip\"");
   else
     simulation.flip_ratio = table.number("flip_ratio", "1", Range::between(0, 1)).value_or(simulation.flip_ratio);
+  read_integrator(table, simulation);
   if (auto damage = table.table("damage", "[simulation.damage]")) simulation.damage = read_damage_solver(std::move(*damage));
   table.finish();
   return simulation;

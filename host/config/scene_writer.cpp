@@ -190,6 +190,7 @@ std::string variation_text(const scene::VariationSpec& variation) {
 
 void write_simulation(std::ostream& out, const Simulation& simulation) {
   static constexpr const char* transfers[] = {"apic", "flip", "pic"};
+  static constexpr const char* integrators[] = {"symplectic", "implicit", "auto"};
   out << "[simulation]\n"
       << "dimension = " << simulation.dimension << "\n"
       << "cell_size = " << number(simulation.cell_size) << "  # m\n"
@@ -202,6 +203,14 @@ void write_simulation(std::ostream& out, const Simulation& simulation) {
       << "gravity = " << vector(simulation.gravity) << "  # m/s^2\n"
       << "transfer = " << quoted(transfers[std::size_t(simulation.transfer)]) << "\n";
   if (simulation.transfer == Transfer::flip) out << "flip_ratio = " << number(simulation.flip_ratio) << "\n";
+  out << "integrator = " << quoted(integrators[std::size_t(simulation.integrator)]) << "\n";
+  if (simulation.integrator != Integrator::symplectic) {
+    const ImplicitSolver& implicit = simulation.implicit;
+    out << "\n[simulation.implicit]\n"
+        << "tolerance = " << number(implicit.tolerance) << "\n"
+        << "maximum_iterations = " << implicit.maximum_iterations << "\n"
+        << "maximum_linear_iterations = " << implicit.maximum_linear_iterations << "\n";
+  }
   const DamageSolver& damage = simulation.damage;
   out << "\n[simulation.damage]\n"
       << "passes = " << damage.passes << "\n"

@@ -53,6 +53,8 @@ Row columns(const FrameRecord& record) {
           {"damage_iterations", number(record.damage_iterations)},
           {"damage_iterations_most", std::to_string(record.damage_iterations_most)},
           {"damage_active", number(record.damage_active)},
+          {"newton_iterations", number(record.newton_iterations)},
+          {"linear_iterations", number(record.linear_iterations)},
           {"constraint_iterations", number(record.constraint_iterations)},
           {"constraint_residual", number(record.constraint_residual)},
           {"wall_seconds", number(record.wall_seconds)}};

@@ -31,6 +31,7 @@ TEST(MinimalScene, TakesTheDocumentedDefaults) {
   EXPECT_EQ(scene.simulation.precision, Precision::single_precision);
   EXPECT_EQ(scene.simulation.transfer, Transfer::apic);
   EXPECT_EQ(scene.simulation.gravity, Vector3::Zero());
+  EXPECT_EQ(scene.simulation.integrator, Integrator::symplectic);
   ASSERT_EQ(scene.materials.size(), 1u);
   EXPECT_EQ(scene.materials[0].elasticity.id, "elasticity/neo-hookean");
   EXPECT_EQ(std::get<double>(scene.materials[0].elasticity.parameters.at("youngs_modulus")), 1e5);
@@ -49,6 +50,9 @@ TEST(FullScene, HoldsWhatTheFileSays) {
   EXPECT_EQ(scene.simulation.precision, Precision::double_precision);
   EXPECT_EQ(scene.simulation.transfer, Transfer::flip);
   EXPECT_EQ(scene.simulation.gravity, Vector3(0.1, -9.81, 0.2));
+  EXPECT_EQ(scene.simulation.integrator, Integrator::implicit);
+  EXPECT_EQ(scene.simulation.implicit,
+            (ImplicitSolver{.tolerance = 1e-4, .maximum_iterations = 7, .maximum_linear_iterations = 60}));
 
   ASSERT_EQ(scene.materials.size(), 2u);
   const plugins::GivenParameters& yield = scene.materials[1].plasticity->parameters;
@@ -132,6 +136,8 @@ TEST(Toughness, HoldsWhatTheFileSays) {
 TEST(FlatScene, TakesVectorsOfTwoAndAnglesAboutZ) {
   const Scene scene = load("everything_2d.toml");
   EXPECT_EQ(scene.simulation.gravity, Vector3(0, -9.81, 0));
+  EXPECT_EQ(scene.simulation.integrator, Integrator::automatic);
+  EXPECT_EQ(scene.simulation.implicit, ImplicitSolver());
   EXPECT_EQ(scene.bodies[0].sampling.particles_per_cell, 9);
   EXPECT_EQ(scene.bodies[1].sampling.particles_per_cell, 4);
   EXPECT_NEAR(scene.bodies[0].spin.angular_velocity.z(), 123.4 * std::numbers::pi / 180, 1e-15);

@@ -111,6 +111,9 @@ void expect_equal(const Scene& a, const Scene& b) {
   EXPECT_EQ(a.simulation.gravity, b.simulation.gravity);
   EXPECT_EQ(a.simulation.transfer, b.simulation.transfer);
   EXPECT_EQ(a.simulation.flip_ratio, b.simulation.flip_ratio);
+  EXPECT_EQ(a.simulation.integrator, b.simulation.integrator);
+  EXPECT_EQ(a.simulation.implicit, b.simulation.implicit);
+  EXPECT_EQ(a.simulation.damage, b.simulation.damage);
 
   ASSERT_EQ(a.materials.size(), b.materials.size());
   for (std::size_t i = 0; i < a.materials.size(); ++i) {

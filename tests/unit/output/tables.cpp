@@ -51,6 +51,8 @@ FrameRecord record() {
   record.maximum_speed = std::nan("");
   record.maximum_damage = 0.75;
   record.damaged_fraction = 0.25;
+  record.newton_iterations = 2.5;
+  record.linear_iterations = 37.5;
   record.wall_seconds = 1.5;
   return record;
 }
@@ -68,7 +70,7 @@ TEST_F(Tables, FramesHaveOneColumnPerFieldUnderAPlainHeader) {
             "momentum_x,momentum_y,momentum_z,angular_momentum_x,angular_momentum_y,angular_momentum_z,"
             "center_of_mass_x,center_of_mass_y,center_of_mass_z,mass,volume,minimum_J,maximum_J,maximum_speed,"
             "maximum_damage,damaged_fraction,damage_iterations,damage_iterations_most,damage_active,"
-            "constraint_iterations,constraint_residual,wall_seconds");
+            "newton_iterations,linear_iterations,constraint_iterations,constraint_residual,wall_seconds");
   const std::vector<std::string> values = cells(row);
   ASSERT_EQ(values.size(), cells(header).size());
   EXPECT_EQ(values[0], "3");
@@ -78,7 +80,9 @@ TEST_F(Tables, FramesHaveOneColumnPerFieldUnderAPlainHeader) {
   for (int i = 0; i < 9; ++i) EXPECT_EQ(std::stod(values[static_cast<std::size_t>(8 + i)]), 5 + i);
   EXPECT_EQ(values[20], "inf");
   EXPECT_EQ(values[21], "nan");
-  EXPECT_EQ(values[29], "1.5");
+  EXPECT_EQ(values[27], "2.5");
+  EXPECT_EQ(values[28], "37.5");
+  EXPECT_EQ(values[31], "1.5");
 }
 
 TEST_F(Tables, RowsAreThereAsSoonAsTheyAreRecorded) {
