@@ -43,7 +43,7 @@ template <class T, int D>
 CLEAVE_INLINE bool any_number(const T* arena) {
   constexpr int lanes = tile_lanes<T>;
   static_assert(GridShape<D>::arena_nodes % lanes == 0);
-  typename TileTypes<T>::Mask present{};
+  TileMask<T> present{};
   for (int i = 0; i < GridShape<D>::arena_nodes; i += lanes) present |= load<T>(arena + i) != T(0);
   return any(present);
 }
@@ -151,7 +151,7 @@ void drive(const ParticleView& set, const BlockView& block, const DamageView& vi
   constexpr int lanes = tile_lanes<T>;
   const T negligible = T(negligible_damage);
   Tile<T> largest{};
-  typename TileTypes<T>::Mask active{}, damaged{};
+  TileMask<T> active{}, damaged{};
   for_chunks<T>(set, block, [&](const Chunk& chunk) {
     if (view.inputs.function)
       evaluate<T>(view.inputs, LawKind::elasticity, set, chunk.first, chunk.points, view.time_step, s.laws, s.status, report);
@@ -164,11 +164,11 @@ void drive(const ParticleView& set, const BlockView& block, const DamageView& vi
       damaged |= exists & (d > T(0));
       if (view.local) continue;
       Tile<T> force = load<T>(s.laws + (k * stress_rows + driving_force_row) * lanes);
-      force = exists & (force > negligible) ? force : Tile<T>{};
+      force = select<T>(exists & (force > negligible), force, Tile<T>{});
       store<T>(static_cast<T*>(view.driving_force) + tile * lanes, force);
       store<T>(static_cast<T*>(view.volume) + tile * lanes, rest * jacobian<T, D>(set, at));
       active |= force > T(0);
-      largest = maximum<T>(largest, d < T(saturated_damage) ? force : Tile<T>{});
+      largest = maximum<T>(largest, select<T>(d < T(saturated_damage), force, Tile<T>{}));
     }
   });
   for (int l = 0; l < lanes; l++) damage.largest_driving_force = std::max(damage.largest_driving_force, double(largest[l]));
@@ -306,11 +306,10 @@ CLEAVE_INLINE void gather_tiles(const ParticleView& set, const BlockView& block,
 /// Stores d, kept from falling, inside [0,1], and at zero where it would become `negligible` in this step.
 template <class T>
 CLEAVE_INLINE void store_damage(const ParticleView& set, std::uint64_t tile, Tile<T> before, Tile<T> after, T negligible,
-                                typename TileTypes<T>::Mask& damaged) {
+                                TileMask<T>& damaged) {
   char* at = set.tiles + tile * set.stride;
-  after = maximum<T>(before, after);
-  after = after < T(1) ? after : Tile<T>{} + T(1);
-  after = (before > T(0)) | (after > negligible) ? after : Tile<T>{};
+  after = minimum<T>(maximum<T>(before, after), everywhere(T(1)));
+  after = select<T>((before > T(0)) | (after > negligible), after, Tile<T>{});
   store<T>(at + set.damage, after);
   damaged |= (after > T(0)) & (load<T>(at + set.volume) > T(0));
 }
@@ -318,7 +317,7 @@ CLEAVE_INLINE void store_damage(const ParticleView& set, std::uint64_t tile, Til
 template <class T, int D>
 void advance(const ParticleView& set, const BlockView& block, const T* change, double negligible, void* scratch,
              DamageReport& report) {
-  typename TileTypes<T>::Mask damaged{};
+  TileMask<T> damaged{};
   gather_tiles<T, D>(set, block, change, *static_cast<DamageScratch<T, D>*>(scratch), [&](std::uint64_t tile, Tile<T> value) {
     const Tile<T> d = load<T>(set.tiles + tile * set.stride + set.damage);
     store_damage<T>(set, tile, d, d + value, T(negligible), damaged);
@@ -329,7 +328,7 @@ void advance(const ParticleView& set, const BlockView& block, const T* change, d
 /// One explicit step of a tile.
 template <class T>
 CLEAVE_INLINE void integrate_tile(const ParticleView& set, const DamageView& view, std::uint64_t tile, Tile<T> laplacian,
-                                  T rate, T length2, typename TileTypes<T>::Mask& damaged) {
+                                  T rate, T length2, TileMask<T>& damaged) {
   const Tile<T> d = load<T>(set.tiles + tile * set.stride + set.damage);
   const Tile<T> force = load<T>(static_cast<T*>(view.driving_force) + tile * tile_lanes<T>);
   const Tile<T> growth = (T(1) - d) * force - (d - length2 * laplacian);
@@ -339,7 +338,7 @@ CLEAVE_INLINE void integrate_tile(const ParticleView& set, const DamageView& vie
 template <class T, int D>
 void integrate(const ParticleView& set, const BlockView& block, const DamageView& view, const T* laplacian, double rate,
                double length, void* scratch, DamageReport& report) {
-  typename TileTypes<T>::Mask damaged{};
+  TileMask<T> damaged{};
   gather_tiles<T, D>(set, block, laplacian, *static_cast<DamageScratch<T, D>*>(scratch),
                      [&](std::uint64_t tile, Tile<T> value) {
                        integrate_tile<T>(set, view, tile, value, T(rate), T(length * length), damaged);
@@ -419,7 +418,7 @@ void integrate_cubic(const ParticleView& set, const BlockView& block, const Dama
   auto& s = *static_cast<DamageScratch<T, D>*>(scratch);
   constexpr int lanes = tile_lanes<T>;
   load_numbers<T, D>(damage, block, s.from);
-  typename TileTypes<T>::Mask damaged{};
+  TileMask<T> damaged{};
   for (std::uint32_t p = 0; p < block.count; p += lanes) {
     const std::uint64_t tile = block.first_tile + p / lanes;
     Tile<T> laplacian{};

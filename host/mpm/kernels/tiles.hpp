@@ -30,6 +30,12 @@ struct TileTypes<double> {
 /// One component of one tile: a vector of 16 floats or 8 doubles.
 template <class T>
 using Tile = typename TileTypes<T>::Real;
+/// What comparing tiles gives: combined by & | ~, looked at by `any`, used by `select`; m[lane] is true or false.
+template <class T>
+using TileMask = typename TileTypes<T>::Mask;
+/// One 32-bit integer per lane: + and * with integers.
+template <class T>
+using TileIndex = typename TileTypes<T>::Index;
 
 template <class T>
 CLEAVE_INLINE Tile<T> load(const void* p) {
@@ -50,13 +56,35 @@ CLEAVE_INLINE Tile<T> everywhere(T x) {
   std::memcpy(reinterpret_cast<char*>(&tile) + sizeof half, &half, sizeof half);
   return tile;
 }
+/// yes where m, no elsewhere
+template <class T>
+CLEAVE_INLINE Tile<T> select(TileMask<T> m, Tile<T> yes, Tile<T> no) {
+  return m ? yes : no;
+}
 template <class T>
 CLEAVE_INLINE Tile<T> maximum(Tile<T> a, Tile<T> b) {
-  return a > b ? a : b;
+  return select<T>(a > b, a, b);
+}
+template <class T>
+CLEAVE_INLINE Tile<T> minimum(Tile<T> a, Tile<T> b) {
+  return select<T>(a < b, a, b);
 }
 template <class T>
 CLEAVE_INLINE Tile<T> magnitude(Tile<T> a) {
-  return a < T(0) ? -a : a;
+  return select<T>(a < T(0), -a, a);
+}
+/// Truncated towards zero.
+template <class T>
+CLEAVE_INLINE TileIndex<T> to_index(Tile<T> x) {
+  return __builtin_convertvector(x, TileIndex<T>);
+}
+template <class T>
+CLEAVE_INLINE Tile<T> from_index(TileIndex<T> i) {
+  return __builtin_convertvector(i, Tile<T>);
+}
+template <class T>
+CLEAVE_INLINE void store_index(std::int32_t* p, TileIndex<T> i) {
+  *reinterpret_cast<TileIndex<T>*>(p) = i;
 }
 template <class M>
 CLEAVE_INLINE bool any(M m) {
@@ -162,21 +190,21 @@ CLEAVE_INLINE void tile_weights(const ParticleView& set, const char* tile, T* w,
   using R = WeightRows<D>;
   constexpr int lanes = tile_lanes<T>;
   constexpr int arena = GridShape<D>::arena_edge;
-  typename TileTypes<T>::Index index{};
+  TileIndex<T> index{};
   Tile<T> one_axis[D][3];
   for (int a = 0; a < D; a++) {
     const Tile<T> x = load<T>(tile + set.position + a * CLEAVE_TILE_BYTES);
     // arena nodes start at -1, and x > -1/2: truncation is floor
-    const auto i = __builtin_convertvector(x + T(0.5), typename TileTypes<T>::Index);
+    const auto i = to_index<T>(x + T(0.5));
     index = index * arena + i;
-    const Tile<T> q = x - __builtin_convertvector(i, Tile<T>);  // particle minus middle node
+    const Tile<T> q = x - from_index<T>(i);  // particle minus middle node
     const Tile<T> lower = T(0.5) - q, upper = T(0.5) + q;
     one_axis[a][0] = T(0.5) * lower * lower;
     one_axis[a][1] = T(0.75) - q * q;
     one_axis[a][2] = T(0.5) * upper * upper;
     store<T>(w + (R::offset + a) * lanes, -q);
   }
-  *reinterpret_cast<typename TileTypes<T>::Index*>(node) = index;
+  store_index<T>(node, index);
   for (int a = 0; a < D; a++)
     if (!Planes || D == 2 || a == D - 1)
       for (int i = 0; i < 3; i++) store<T>(w + (R::axis(a) + i) * lanes, one_axis[a][i]);
