@@ -44,6 +44,7 @@ std::vector<std::string> capability_names(std::uint64_t capabilities) {
       {CLEAVE_NEEDS_FIBER, "needs a fiber"},
       {CLEAVE_NEEDS_SECOND_FIBER, "needs a second fiber"},
       {CLEAVE_HAS_ENERGY, "energy"},
+      {CLEAVE_HAS_PIOLA, "first Piola-Kirchhoff stress"},
       {CLEAVE_HAS_TANGENT, "tangent"},
       {CLEAVE_HAS_WAVE_MODULUS, "wave modulus"},
       {CLEAVE_HAS_EFFECTIVE_STRESS, "effective stress"},

@@ -1,12 +1,14 @@
 /* Kind "cleave.elasticity/1": stress and energy of a hyperelastic law at a material point.
  *
  *   psi = g psi_plus + psi_minus + psi_fiber         energy per reference volume [J/m^3]
- *   tau = (d psi / d F) F^T                          Kirchhoff stress [Pa]
+ *   P   = d psi / d F                                first Piola-Kirchhoff stress [Pa]
+ *   tau = P F^T                                      Kirchhoff stress [Pa]
  *
  * Inputs   B (laws with CLEAVE_ACCEPTS_B) or F (CLEAVE_ACCEPTS_F); the host gives one of them. DEGRADATION if the material
- *          can be damaged. FIBER, SECOND_FIBER if needed. DELTA_F where DELTA_P is asked for (the host then gives F).
- * Outputs  TAU, ENERGY, TENSILE_ENERGY, EFFECTIVE_STRESS, WAVE_MODULUS, DELTA_P: those present in the layout. TAU is always
- *          offered; the rest as declared by capability.
+ *          can be damaged. FIBER, SECOND_FIBER if needed. Where PIOLA or DELTA_P is asked for, the host gives F, also to laws
+ *          that work on b; with DELTA_P, DELTA_F too.
+ * Outputs  TAU, ENERGY, TENSILE_ENERGY, EFFECTIVE_STRESS, WAVE_MODULUS, DELTA_P, PIOLA (since 1.1): those present in the
+ *          layout. TAU is always offered; the rest as declared by capability.
  * Status   FATAL where the law is undefined (J <= 0 without CLEAVE_INVERSION_SAFE). */
 #ifndef CLEAVE_ELASTICITY_H
 #define CLEAVE_ELASTICITY_H

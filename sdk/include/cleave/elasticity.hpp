@@ -74,6 +74,8 @@ struct Elastic {
   static constexpr bool has_isochoric_response = requires(const Law& law) { law.isochoric_response(); };
   /// Without an energy the stress of the isotropic part cannot be told from the fibers'.
   static constexpr bool offers_effective_cauchy = has_effective_cauchy || has_energy || fiber_count<Law> == 0;
+  /// tau F^-T has no limit at J = 0, which a law may be defined at.
+  static constexpr bool offers_piola = has_piola || (!is_law_of_b<Law> && has_energy) || !is_inversion_safe<Law>;
   static_assert(has_energy || has_kirchhoff || has_piola, "an elastic law has energy(), kirchhoff() or piola()");
 
   template <class T>
@@ -354,13 +356,23 @@ struct ElasticBatch {
     pass<true>(output,
                [this](const Point& p, const T& g) { return Formulas::template wave_modulus<T>(law, p.strain, g, p.fibers); });
   }
-  [[gnu::noinline]] void delta_piola(const cleave_component* dF, const cleave_component* output) const {
+
+  /// One pass over the batch: `formula(chunk, point, F, g)` into the output field.
+  template <class Formula>
+  CLEAVE_INLINE void pass_of_F(const cleave_component* output, Formula formula) const {
     batch.for_each_chunk([&](const Chunk<S>& chunk) {
       const Point point = load<false>(chunk);
-      const T degradation = g ? chunk.load(g) : T(1);
-      const Matrix3<T> dP =
-          Formulas::template delta_piola<T>(law, chunk.load_matrix(F), chunk.load_matrix(dF), degradation, point.fibers);
-      finish(chunk, point.valid, dP, output);
+      finish(chunk, point.valid, formula(chunk, point, chunk.load_matrix(F), g ? chunk.load(g) : T(1)), output);
+    });
+  }
+  [[gnu::noinline]] CLEAVE_FLATTEN void piola(const cleave_component* output) const {
+    pass_of_F(output, [this](const Chunk<S>&, const Point& p, const Matrix3<T>& deformation, const T& degradation) {
+      return Formulas::template piola<T>(law, deformation, degradation, p.fibers);
+    });
+  }
+  [[gnu::noinline]] void delta_piola(const cleave_component* dF, const cleave_component* output) const {
+    pass_of_F(output, [this, dF](const Chunk<S>& chunk, const Point& p, const Matrix3<T>& deformation, const T& degradation) {
+      return Formulas::template delta_piola<T>(law, deformation, chunk.load_matrix(dF), degradation, p.fibers);
     });
   }
 
@@ -377,6 +389,14 @@ struct ElasticBatch {
     if constexpr (Formulas::offers_effective_cauchy)
       if (const auto* output = batch.field(CLEAVE_FIELD_EFFECTIVE_STRESS)) effective_stress(output);
     if (const auto* output = batch.field(CLEAVE_FIELD_WAVE_MODULUS)) wave_modulus(output);
+    if constexpr (Formulas::offers_piola)
+      if (const auto* output = batch.field(CLEAVE_FIELD_PIOLA)) {
+        if (!F) {
+          write_message(batch.message(), "", "PIOLA needs F");
+          return CLEAVE_ERROR_UNSUPPORTED;
+        }
+        piola(output);
+      }
     if (const auto* output = batch.field(CLEAVE_FIELD_DELTA_P)) {
       const auto* dF = batch.field(CLEAVE_FIELD_DELTA_F);
       if (!dF || !F) {
@@ -400,7 +420,8 @@ struct KindOf<Kind::elasticity, Law> {
   static constexpr std::uint64_t capabilities = common_capabilities<Law> | (Formulas::has_energy ? CLEAVE_HAS_ENERGY : 0) |
                                                 (Formulas::offers_effective_cauchy ? CLEAVE_HAS_EFFECTIVE_STRESS : 0) |
                                                 (Formulas::has_isochoric_response ? CLEAVE_HAS_ISOCHORIC_RESPONSE : 0) |
-                                                CLEAVE_HAS_TANGENT | CLEAVE_HAS_WAVE_MODULUS;
+                                                (Formulas::offers_piola ? CLEAVE_HAS_PIOLA : 0) | CLEAVE_HAS_TANGENT |
+                                                CLEAVE_HAS_WAVE_MODULUS;
 
   template <class S>
   static cleave_result evaluate(const cleave_instance* instance, const cleave_batch* batch) noexcept {

@@ -98,7 +98,8 @@ const char* name(cleave_field_id field) {
                                                             "DRIVING_FORCE",
                                                             "TENSILE_ENERGY_IN",
                                                             "EFFECTIVE_STRESS_IN",
-                                                            "TOUGHNESS"};
+                                                            "TOUGHNESS",
+                                                            "PIOLA"};
   return names[field];
 }
 
@@ -347,6 +348,7 @@ Request random_request(const Instance& instance, Random& random, std::uint32_t c
   request.time_step = 1e-4;
   const std::vector<double> state = instance.initial_state();
   const bool needs_fiber = instance.can(CLEAVE_NEEDS_FIBER | CLEAVE_NEEDS_SECOND_FIBER);
+  const bool piola = kind == elasticity_kind && measure == "F" && instance.can(CLEAVE_HAS_PIOLA);
   const bool tangent = kind == elasticity_kind && measure == "F" && instance.can(CLEAVE_HAS_TANGENT);
   auto& in = request.inputs;
   for (std::uint32_t point = 0; point < count; ++point) {
@@ -390,6 +392,7 @@ Request random_request(const Instance& instance, Random& random, std::uint32_t c
       request.outputs[CLEAVE_FIELD_ENERGY] = request.outputs[CLEAVE_FIELD_TENSILE_ENERGY] = 1;
     if (instance.can(CLEAVE_HAS_EFFECTIVE_STRESS)) request.outputs[CLEAVE_FIELD_EFFECTIVE_STRESS] = 6;
     if (instance.can(CLEAVE_HAS_WAVE_MODULUS)) request.outputs[CLEAVE_FIELD_WAVE_MODULUS] = 1;
+    if (piola) request.outputs[CLEAVE_FIELD_PIOLA] = 9;
     if (tangent) request.outputs[CLEAVE_FIELD_DELTA_P] = 9;
   } else {
     if (!state.empty()) request.outputs[CLEAVE_FIELD_STATE_OUT] = int(state.size());

@@ -139,6 +139,7 @@ TEST_P(EveryLaw, OutputsAreIndependentOfWhichOthersAreAskedFor) {
                                                                   {CLEAVE_FIELD_TENSILE_ENERGY, 1},
                                                                   {CLEAVE_FIELD_EFFECTIVE_STRESS, 6},
                                                                   {CLEAVE_FIELD_WAVE_MODULUS, 1},
+                                                                  {CLEAVE_FIELD_PIOLA, 9},
                                                                   {CLEAVE_FIELD_DELTA_P, 9}};
   const auto with_inputs = [&] {
     LawDriver<double> driver(Placement::scattered);
@@ -163,6 +164,20 @@ TEST_P(EveryLaw, AbsentDegradationMeansOne) {
   one.input(measure(), strains(measure())).constant(CLEAVE_FIELD_DEGRADATION, {1}).output(CLEAVE_FIELD_TAU, 6);
   const Field a = stresses(absent, 64), b = stresses(one, 64);
   for (int k = 0; k < 64; ++k) expect_near(a[k], b[k], 1e-15, GetParam().modulus, "point " + std::to_string(k));
+}
+
+TEST_P(EveryLaw, FirstPiolaKirchhoffStressIsTheKirchhoffStressPulledBack) {
+  EXPECT_TRUE(law_.description().can(CLEAVE_HAS_PIOLA));
+  for (double g : {1.0, 0.3}) {
+    LawDriver<double> driver;
+    driver.input(CLEAVE_FIELD_F, strains(CLEAVE_FIELD_F)).constant(CLEAVE_FIELD_DEGRADATION, {g}).output(CLEAVE_FIELD_PIOLA, 9);
+    ASSERT_EQ(driver.run(evaluate<double>(law_), law_.handle(), 64), CLEAVE_OK);
+    for (std::uint32_t k = 0; k < 64; ++k) {
+      EXPECT_EQ(driver.status(k), CLEAVE_STATUS_OK);
+      const Tensor P = stress(samples()[k], g) * samples()[k].transpose().inverse();
+      expect_near(driver.value(CLEAVE_FIELD_PIOLA, k), row_major(P), 1e-12, GetParam().modulus, "g " + std::to_string(g));
+    }
+  }
 }
 
 TEST_P(EveryLaw, StressDifferentialIsTheDifferenceOfStresses) {
@@ -326,6 +341,10 @@ TEST(DerivedFormulas, MissingInputIsAnErrorNotACrash) {
   EXPECT_EQ(only_b.run(evaluate<double>(law), law.handle(), 4), CLEAVE_ERROR_UNSUPPORTED);
   no_direction.input(CLEAVE_FIELD_F, strains(CLEAVE_FIELD_F)).output(CLEAVE_FIELD_DELTA_P, 9);
   EXPECT_EQ(no_direction.run(evaluate<double>(law), law.handle(), 4), CLEAVE_ERROR_UNSUPPORTED);
+  const Instance of_b = neo_hookean.make();
+  LawDriver<double> no_F;
+  no_F.input(CLEAVE_FIELD_B, strains(CLEAVE_FIELD_B)).output(CLEAVE_FIELD_PIOLA, 9);
+  EXPECT_EQ(no_F.run(evaluate<double>(of_b), of_b.handle(), 4), CLEAVE_ERROR_UNSUPPORTED);
 }
 
 // ---------------------------------------------------------------- the two laws

@@ -137,11 +137,11 @@ TEST_F(PluginDirectory, RemovingTheLibraryRemovesTheLawThoughManifestAndVariants
 }
 
 TEST_F(PluginDirectory, WrongAbiMajorIsRefusedBeforeAnythingElseIsLookedAt) {
-  EXPECT_THAT(refusal_of("wrong_major"), AllOf(HasSubstr("ABI 2.0"), HasSubstr("this host speaks 1.0")));
+  EXPECT_THAT(refusal_of("wrong_major"), AllOf(HasSubstr("ABI 2.0"), HasSubstr("this host speaks 1.1")));
 }
-TEST_F(PluginDirectory, NewerMinorThanTheHostSpeaksIsRefused) { EXPECT_THAT(refusal_of("newer_minor"), HasSubstr("ABI 1.1")); }
+TEST_F(PluginDirectory, NewerMinorThanTheHostSpeaksIsRefused) { EXPECT_THAT(refusal_of("newer_minor"), HasSubstr("ABI 1.2")); }
 TEST_F(PluginDirectory, PluginThatRefusesTheHostIsNamed) {
-  EXPECT_THAT(refusal_of("refuses_abi"), HasSubstr("refuses this host's plugin ABI 1.0"));
+  EXPECT_THAT(refusal_of("refuses_abi"), HasSubstr("refuses this host's plugin ABI 1.1"));
 }
 TEST_F(PluginDirectory, LibraryWithoutTheEntrySymbolIsNoPlugin) {
   EXPECT_THAT(refusal_of("no_entry"), HasSubstr("exports no cleave_plugin_entry"));
