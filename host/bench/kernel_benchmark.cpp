@@ -124,6 +124,33 @@ LawBatch<T> stress_batch(const Instance& law, const std::vector<Matrix3>& states
   return batch;
 }
 
+/// P, or its derivative along random directions, at deformation gradients: what implicit steps ask of an elastic law.
+template <class T>
+LawBatch<T> implicit_batch(const Instance& law, const std::vector<Matrix3>& states, cleave_field_id output) {
+  const bool fiber = law.can(CLEAVE_NEEDS_FIBER) || law.can(CLEAVE_NEEDS_SECOND_FIBER);
+  const bool second_fiber = law.can(CLEAVE_NEEDS_SECOND_FIBER), along = output == CLEAVE_FIELD_DELTA_P;
+  LawBatch<T> batch(states.size());
+  batch.add_input(CLEAVE_FIELD_F, 9);
+  if (along) batch.add_input(CLEAVE_FIELD_DELTA_F, 9);
+  if (fiber) batch.add_input(CLEAVE_FIELD_FIBER, 3);
+  if (second_fiber) batch.add_input(CLEAVE_FIELD_SECOND_FIBER, 3);
+  batch.add_output(output, 9);
+  batch.allocate();
+  States frames(5), directions(6);
+  for (std::size_t k = 0; k < states.size(); ++k) {
+    const Matrix3 frame = frames.rotation(), direction = directions.rotation() * directions.strain_direction();
+    for (int i = 0; i < 9; ++i) {
+      batch.set(CLEAVE_FIELD_F, i, k, states[k](i / 3, i % 3));
+      if (along) batch.set(CLEAVE_FIELD_DELTA_F, i, k, direction(i / 3, i % 3));
+    }
+    for (int i = 0; i < 3; ++i) {
+      if (fiber) batch.set(CLEAVE_FIELD_FIBER, i, k, frame(i, 0));
+      if (second_fiber) batch.set(CLEAVE_FIELD_SECOND_FIBER, i, k, frame(i, 1));
+    }
+  }
+  return batch;
+}
+
 template <class T>
 LawBatch<T> return_batch(const Instance& law, const std::vector<Matrix3>& states) {
   LawBatch<T> batch(states.size());
@@ -322,17 +349,24 @@ class Measurement {
   void add_elastic(const Law& law) {
     const auto& description = law.instance.description();
     const auto states = States(1).strained(options_.points, moderate_strain);
-    const auto measure = [&](const Law& measured, const char* condition) {
-      add_tasks(add_kernel(measured, condition), measured.instance,
-                [&](auto precision) { return stress_batch<decltype(precision)>(measured.instance, states); });
+    const auto measure = [&](const Law& measured, const std::string& fibers) {
+      const Instance& instance = measured.instance;
+      add_tasks(add_kernel(measured, "stress" + fibers), instance,
+                [&](auto precision) { return stress_batch<decltype(precision)>(instance, states); });
+      const auto measure_implicit = [&](cleave_field_id output, const char* condition) {
+        add_tasks(add_kernel(measured, condition + fibers), instance,
+                  [&](auto precision) { return implicit_batch<decltype(precision)>(instance, states, output); });
+      };
+      if (instance.can(CLEAVE_HAS_PIOLA)) measure_implicit(CLEAVE_FIELD_PIOLA, "P");
+      if (instance.can(CLEAVE_HAS_TANGENT)) measure_implicit(CLEAVE_FIELD_DELTA_P, "dP");
     };
-    attempt(description.id, [&] { measure(law, "stress"); });
+    attempt(description.id, [&] { measure(law, ""); });
     auto fibrous = fiber_parameters(description);
     if (fibrous.empty() || law.instance.can(CLEAVE_NEEDS_FIBER)) return;
     attempt(description.id, [&] {
       fibrous.insert(law.parameters.begin(), law.parameters.end());
       paired_.push_back(make_law(registry_, description.id, fibrous, 0, {.cell_size = cell_size, .density = density}));
-      measure(*paired_.back(), "stress, with fibres");
+      measure(*paired_.back(), ", with fibres");
     });
   }
 

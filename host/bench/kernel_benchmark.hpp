@@ -42,9 +42,10 @@ struct KernelResults {
 };
 
 /// Measures the laws of the registry through their batch entry points, on one thread: stress of elastic laws at strains of a
-/// tenth, with and without fibres where those are optional; return mappings where none, 30 % and all of the points yield;
-/// driving force (or local damage) near rest and loaded. Samples of all kernels alternate, so that what else the machine does
-/// falls on all of them alike and ratios hold. Throws InputError for an ID or parameter that does not exist.
+/// tenth, P and dP where they give them, with and without fibres where those are optional; return mappings where none, 30 % and
+/// all of the points yield; driving force (or local damage) near rest and loaded. Samples of all kernels alternate, so that
+/// what else the machine does falls on all of them alike and ratios hold. Throws InputError for an ID or parameter that does
+/// not exist.
 KernelResults measure_kernels(const KernelOptions&, plugins::Registry&);
 
 }  // namespace cleave::bench
