@@ -1,0 +1,83 @@
+#include "fiber_rows.hpp"
+
+#include <cleave/decompositions.hpp>
+
+#include <cmath>
+
+namespace {
+using namespace cleave;
+
+/// Inextensible fibres: no stretching along the fibres in the mean around each cell z,
+///
+///   B v = c,  B_(z, i alpha) = sum_p V_p Gamma_z(x_p) a_alpha (a . grad N_i(x_p))     [Wolper et al. 2020, eqs. 14, 22]
+///
+/// by the velocity that is M-nearest to what the forces make of it. That is a tension lambda a a^T per volume and step which
+/// the fibres carry.
+struct Inextensibility {
+  static constexpr About about{.id = "constraint/inextensibility",
+                               .version = "1.0.0",
+                               .author = "Cleave",
+                               .summary = "Fibres that keep their length, as tension solved for on the grid",
+                               .source = "Wolper et al. 2020, AnisoMPM, section 6"};
+  static constexpr int fibers = 1;
+
+  enum Transport { convected, rotated };
+  Transport fiber_transport;
+  double tolerance, stabilization;
+  int maximum_iterations;
+
+  static constexpr auto parameters = describe(
+      choice(&Inextensibility::fiber_transport,
+             {.key = "fiber_transport",
+              .choices = {"convected", "rotated"},
+              .default_value = "convected",
+              .description = "where fibres a0 point to: along F a0, or R a0 with the rotation R of F = R S"}),
+      number(&Inextensibility::tolerance,
+             {.key = "tolerance",
+              .default_value = 1e-6,
+              .valid = strictly_between(0, 1),
+              .description = "rate of stretch that is left, relative to that without the constraint"}),
+      number(&Inextensibility::stabilization, {.key = "stabilization",
+                                               .default_value = 0.1,
+                                               .valid = between(0, 1),
+                                               .description = "part of the elongation there is that a step takes back"}),
+      integer(&Inextensibility::maximum_iterations, {.key = "maximum_iterations",
+                                                     .default_value = 1000,
+                                                     .valid = at_least(1),
+                                                     .description = "of conjugate gradients in a step"}));
+
+  ConstraintReport project(const cleave_constraint_system& system) const {
+    return system.dimension == 3 ? project<3>(system) : project<2>(system);
+  }
+
+ private:
+  template <unsigned D>
+  ConstraintReport project(const cleave_constraint_system& system) const {
+    inextensibility::FiberRows<D> rows(system);
+    for (std::uint64_t p = 0; p < system.particle_count; ++p) {
+      const double *F = system.deformation + p * 9, *a0 = system.fiber + p * 3;
+      std::array<double, 3> stretched{};
+      for (unsigned i = 0; i < 3; ++i)
+        for (unsigned j = 0; j < 3; ++j) stretched[i] += F[3 * i + j] * a0[j];
+      std::array<double, 3> a = stretched;
+      if (fiber_transport == rotated) {
+        Matrix3<double> deformation;
+        for (unsigned i = 0; i < 9; ++i) deformation(i / 3, i % 3) = F[i];
+        const Matrix3<double> R = polar(deformation).rotation;
+        for (unsigned i = 0; i < 3; ++i) a[i] = R(i, 0) * a0[0] + R(i, 1) * a0[1] + R(i, 2) * a0[2];
+      }
+      const double length = std::sqrt(a[0] * a[0] + a[1] * a[1] + a[2] * a[2]);
+      if (!(length > 0)) continue;
+      for (double& component : a) component /= length;
+      const double along = a[0] * stretched[0] + a[1] * stretched[1] + a[2] * stretched[2];
+      rows.add(p, a, std::log(along));
+    }
+    Projection projection(system);
+    rows.write(projection, stabilization / system.time_step);
+    return projection.solve({.tolerance = tolerance, .maximum_iterations = std::uint32_t(maximum_iterations)});
+  }
+};
+
+}  // namespace
+
+CLEAVE_PLUGIN(Inextensibility)
