@@ -1,0 +1,106 @@
+#include <cleave/projection.hpp>
+
+#include <algorithm>
+#include <cmath>
+#include <cstddef>
+#include <cstdint>
+#include <vector>
+
+namespace {
+using namespace cleave;
+
+/// Incompressible bodies: no change of volume in the mean of each grid cell z,
+///
+///   sum_(p in z) V_p div v(x_p) = c_z,      one row of B v = c for each cell
+///
+/// by the velocity that is M-nearest to what the forces make of it (Chorin's projection): a pressure, the multiplier of the
+/// row, that is constant in each cell. One row for d velocities: nothing locks.
+///
+/// What an incompressible velocity gains of a volume, by det(I + dt grad v) - 1 being quadratic in dt, later steps take back:
+/// c_z = -stabilization/dt sum_(p in z) (V_p - V_p^0), or the part of it for which they have the kinetic energy.
+struct Incompressibility {
+  static constexpr About about{.id = "constraint/incompressibility",
+                               .version = "1.0.0",
+                               .author = "Cleave",
+                               .summary = "Bodies that keep their volume, as pressure solved for on the grid",
+                               .source = "Chorin 1968, projection method; rows as in Wolper et al. 2020, AnisoMPM, section 6"};
+
+  double tolerance, stabilization;
+  int maximum_iterations;
+
+  static constexpr auto parameters = describe(
+      number(&Incompressibility::tolerance,
+             {.key = "tolerance",
+              .default_value = 1e-6,
+              .valid = strictly_between(0, 1),
+              .description = "rate of volume change that is left, relative to that without the constraint"}),
+      number(&Incompressibility::stabilization, {.key = "stabilization",
+                                                 .default_value = 0.3,
+                                                 .valid = between(0, 1),
+                                                 .description = "part of the volume gained or lost that a step takes back"}),
+      integer(&Incompressibility::maximum_iterations, {.key = "maximum_iterations",
+                                                       .default_value = 1000,
+                                                       .valid = at_least(1),
+                                                       .description = "of conjugate gradients in a step"}));
+
+  /// A correction w of volumes adds to the kinetic energy of the velocity v without it. Where the sum exceeds that of the
+  /// velocity given, what is left is v + theta w, whose energy is just that.
+  ConstraintReport project(const cleave_constraint_system& system) const {
+    const std::size_t size = system.node_count * system.dimension;
+    const std::vector<double> given(system.velocity, system.velocity + size);
+    ConstraintReport report = meet(system, stabilization / system.time_step);
+    const double available = product(system, given.data(), given.data());
+    if (stabilization == 0 || product(system, system.velocity, system.velocity) <= available) return report;
+
+    std::vector<double> w(system.velocity, system.velocity + size);
+    std::copy(given.begin(), given.end(), system.velocity);
+    const ConstraintReport second = meet(system, 0);
+    for (std::size_t k = 0; k < size; ++k) w[k] -= system.velocity[k];
+    const double squared = product(system, w.data(), w.data()), along = product(system, w.data(), system.velocity);
+    const double surplus = std::max(0.0, available - product(system, system.velocity, system.velocity));
+    const double theta = squared > 0 ? (std::sqrt(along * along + squared * surplus) - along) / squared : 0;
+    for (std::size_t k = 0; k < size; ++k) system.velocity[k] += std::clamp(theta, 0.0, 1.0) * w[k];
+    report.iterations += second.iterations;
+    report.residual = std::max(report.residual, second.residual);
+    return report;
+  }
+
+ private:
+  ConstraintReport meet(const cleave_constraint_system& system, double rate) const {
+    Projection projection(system);
+    for (const auto& cell : particles_by_cell(system)) {
+      double gain = 0;
+      for (const std::uint64_t p : cell) gain += gained_volume(system, p);
+      projection.begin_row(-rate * gain);
+      for (const std::uint64_t p : cell) {
+        const GradientWeights grad = gradient_weights(system, p);
+        for (unsigned n = 0; n < grad.count; ++n) {
+          std::array<double, 3> divergence = grad.value[n];
+          for (double& component : divergence) component *= system.volume[p];
+          projection.add(grad.node[n], divergence);
+        }
+      }
+    }
+    return projection.solve({.tolerance = tolerance, .maximum_iterations = std::uint32_t(maximum_iterations)});
+  }
+
+  /// V - V0 = V (1 - 1/|J|)
+  static double gained_volume(const cleave_constraint_system& system, std::uint64_t particle) {
+    const double* F = system.deformation + particle * 9;
+    const double J =
+        F[0] * (F[4] * F[8] - F[5] * F[7]) - F[1] * (F[3] * F[8] - F[5] * F[6]) + F[2] * (F[3] * F[7] - F[4] * F[6]);
+    return J != 0 ? system.volume[particle] * (1 - 1 / std::abs(J)) : 0;
+  }
+
+  /// u^T M v
+  static double product(const cleave_constraint_system& system, const double* u, const double* v) {
+    double sum = 0;
+    for (std::size_t k = 0; k < system.node_count * system.dimension; ++k)
+      sum += system.mass[k / system.dimension] * u[k] * v[k];
+    return sum;
+  }
+};
+
+}  // namespace
+
+CLEAVE_PLUGIN(Incompressibility)
