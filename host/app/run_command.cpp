@@ -170,6 +170,7 @@ int run_command(const RunOptions& options, plugins::Registry& registry) {
     summary.stage_seconds.emplace_back("output", output_wait);
     if (frames.seconds() > 0) summary.stage_seconds.emplace_back("output in the background", frames.seconds());
     summary.limits = simulation->limits();
+    summary.integrators = simulation->integrators();
     writer.summary(summary);
   };
 

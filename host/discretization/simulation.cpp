@@ -136,6 +136,10 @@ class MixedSimulation final : public mpm::Simulation {
     return stages;
   }
 
+  std::vector<std::pair<std::string, std::int64_t>> integrators() const override {
+    return mpm_ ? mpm_->integrators() : std::vector<std::pair<std::string, std::int64_t>>();
+  }
+
   std::vector<std::pair<std::string, double>> bytes_per_particle() const override {
     std::vector<std::pair<std::string, double>> parts;
     double total = 0;

@@ -102,6 +102,9 @@ class MpmSimulation final : public Simulation {
       if (s != constraint_stage || constraints_) r.emplace_back(stage_names[s], stage_seconds_[s]);
     return r;
   }
+  std::vector<std::pair<std::string, std::int64_t>> integrators() const override {
+    return {integrators_.begin(), integrators_.end()};
+  }
   std::vector<std::pair<std::string, double>> bytes_per_particle() const override;
   std::vector<output::PluginRecord> plugins() const override {
     std::map<std::string, output::PluginRecord> used;
@@ -152,6 +155,7 @@ class MpmSimulation final : public Simulation {
       if (constraints_) apply_constraints(dt);
       grid_to_particles(view);
     }
+    integrators_["symplectic"]++;
   }
 
   /// What the particles are, apart from where they are stored.
@@ -245,7 +249,8 @@ class MpmSimulation final : public Simulation {
   Buffer constants_;
   tbb::enumerable_thread_specific<Buffer> scratch_;
 
-  std::vector<std::size_t> held_;  // particles of each handle
+  std::vector<std::size_t> held_;                    // particles of each handle
+  std::map<std::string, std::int64_t> integrators_;  // steps of each
   double maximum_speed_ = 0, wave_step_ = 0;
   std::int64_t waves_at_ = 0, particle_count_ = 0;
   bool needs_sort_ = false;

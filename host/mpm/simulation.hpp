@@ -65,6 +65,8 @@ class Simulation {
   std::vector<std::pair<std::string, std::int64_t>> limits() const {  ///< steps that each bound set
     return {limits_.begin(), limits_.end()};
   }
+  /// Steps that each integrator has taken; none where the material point method has no body.
+  virtual std::vector<std::pair<std::string, std::int64_t>> integrators() const = 0;
   /// Bytes per particle: what is stored for each material and why, then index and grid; "total" last.
   virtual std::vector<std::pair<std::string, double>> bytes_per_particle() const = 0;
   virtual std::vector<output::PluginRecord> plugins() const = 0;

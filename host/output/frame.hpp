@@ -76,6 +76,7 @@ struct Summary {
   double particle_steps_per_second = 0;
   std::vector<std::pair<std::string, double>> stage_seconds;       ///< "particles to grid", ...
   std::vector<std::pair<std::string, std::int64_t>> limits;        ///< steps that each bound set
+  std::vector<std::pair<std::string, std::int64_t>> integrators;   ///< steps of the material point method that each took
   std::vector<std::pair<std::string, double>> bytes_per_particle;  ///< by part, "total" last
   std::vector<PluginRecord> plugins;
   int threads = 0;

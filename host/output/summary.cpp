@@ -100,6 +100,7 @@ std::string summary_json(const Summary& summary) {
   add("particle_steps_per_second", summary.particle_steps_per_second);
   add("stage_seconds", summary.stage_seconds);
   add("limits", summary.limits);
+  add("integrators", summary.integrators);
   add("bytes_per_particle", summary.bytes_per_particle);
   add("peak_memory_bytes", peak_memory());
   add("plugins", summary.plugins);

@@ -21,6 +21,9 @@ TEST_P(ShippedScene, StepsAndWritesWhatItPromises) {
   EXPECT_EQ(summary.get<int>("threads"), 2);
   EXPECT_GT(summary.get<int>("particles"), 1000);
   EXPECT_GT(summary.get_child("plugins").size(), 0u);
+  int steps = 0;
+  for (const auto& [integrator, taken] : summary.get_child("integrators")) steps += taken.get_value<int>();
+  EXPECT_EQ(steps, 12);
   const auto frames = table(directory / "run/frames.csv");
   ASSERT_GE(frames.at("frame").size(), 2u);
   for (const auto& [name, cells] : frames) {

@@ -106,6 +106,7 @@ TEST_F(Tables, TheSummaryIsJson) {
   summary.particle_steps_per_second = std::numeric_limits<double>::infinity();
   summary.stage_seconds = {{"particles to grid", 1.5}, {"grid to particles", 2e-20}};
   summary.limits = {{"elastic wave", 1200}, {"frame", 34}};
+  summary.integrators = {{"implicit", 34}, {"symplectic", 1200}};
   summary.bytes_per_particle = {{"position", 12}, {"total", 100}};
   summary.plugins = {{"elasticity/split-neo-hookean", "1.0.0", "/lib/a.so"}, {"damage/phase-field", "2", "b.so"}};
   summary.threads = 2;
@@ -125,6 +126,7 @@ TEST_F(Tables, TheSummaryIsJson) {
   EXPECT_EQ(json.get<std::string>("particle_steps_per_second"), "null");
   EXPECT_EQ(json.get_child("stage_seconds").get<double>("particles to grid"), 1.5);
   EXPECT_EQ(json.get_child("limits").get<int>("frame"), 34);
+  EXPECT_EQ(json.get_child("integrators").get<int>("implicit"), 34);
   EXPECT_EQ(json.get_child("bytes_per_particle").back().first, "total");
   EXPECT_EQ(json.get_child("plugins").size(), 2u);
   EXPECT_EQ(json.get_child("plugins").front().second.get<std::string>("path"), "/lib/a.so");
