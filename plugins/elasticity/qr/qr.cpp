@@ -110,6 +110,16 @@ struct Qr {
     return P;
   }
 
+  template <class T>
+  Matrix3<T> delta_piola(const Matrix3<T>& F, const Matrix3<T>& dF, const T& g, const Fibers<T>& a) const {
+    const Matrix3<T> H = cofactor(F);
+    const T J = F[0] * H[0] + F[1] * H[1] + F[2] * H[2], stiffness = select(J >= 1, g, T(1)) * volume;
+    Matrix3<T> dP = moduli.shear * g * dF + stiffness * contract(H, dF) * H + volume_slope(J, g) * delta_cofactor(F, dF);
+    if (fiber_stiffness > 0) dP += outer(delta_tension(fiber_stiffness, F * a.first, dF * a.first), a.first);
+    if (cross_stiffness > 0) dP += outer(delta_tension(cross_stiffness, F * a.second, dF * a.second), a.second);
+    return dP;
+  }
+
   /// sigma = (mu b + (lambda (J - 1) - mu) J I)/J, kept finite where J vanishes.
   template <class T>
   Symmetric3<T> effective_cauchy(const Matrix3<T>& F, const Fibers<T>&) const {
@@ -157,6 +167,14 @@ struct Qr {
   template <class T>
   static T tension_over_length(double k, const Vector3<T>& f) {
     return k * (1 - rsqrt(max(squared_norm(f), T(1e-12))));
+  }
+
+  /// Derivative of k (|f| - 1) f/|f| along df: k ((1 - 1/|f|) df + (f . df)/|f|^3 f), in proportion to df where |f| < 1e-6.
+  template <class T>
+  static Vector3<T> delta_tension(double k, const Vector3<T>& f, const Vector3<T>& df) {
+    const T square = squared_norm(f), per_length = rsqrt(max(square, T(1e-12)));
+    const T turning = select(square > T(1e-12), dot(f, df) * per_length * per_length * per_length, T(0));
+    return k * (1 - per_length) * df + k * turning * f;
   }
 
   /// mean + 2 p x, where p^2 = |dev A|^2/6 and 4 x^3 - 3 x = det(dev A)/(2 p^3): at most 5 % of 2 p above the largest

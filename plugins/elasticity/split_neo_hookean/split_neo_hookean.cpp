@@ -34,6 +34,28 @@ struct SplitNeoHookean {
     return g * (moduli.shear * rcbrt(J2)) * deviator(b) + select(J2 >= 1, g * tension, tension) * identity<T>();
   }
 
+  /// P = tau F^-T = alpha F + beta cof F,  alpha = g mu J^(-2/3),  beta = ((J >= 1 ? g : 1) kappa/2 (J^2 - 1) - alpha
+  /// |F|^2/3)/J
+  template <class T>
+  Matrix3<T> piola(const Matrix3<T>& F, const T& g) const {
+    const Matrix3<T> H = cofactor(F);
+    const T J = F[0] * H[0] + F[1] * H[1] + F[2] * H[2], J2 = J * J;
+    const T alpha = g * (moduli.shear * rcbrt(J2)), tension = 0.5 * moduli.bulk * (J2 - 1);
+    return alpha * F + ((select(J >= 1, g * tension, tension) - 1. / 3 * alpha * squared_norm(F)) / J) * H;
+  }
+
+  /// With dJ = cof F : dF, dalpha = -2/3 alpha dJ/J and dbeta from J beta.
+  template <class T>
+  Matrix3<T> delta_piola(const Matrix3<T>& F, const Matrix3<T>& dF, const T& g) const {
+    const Matrix3<T> H = cofactor(F);
+    const T J = F[0] * H[0] + F[1] * H[1] + F[2] * H[2], J2 = J * J, per_J = 1 / J, dJ = contract(H, dF);
+    const T alpha = g * (moduli.shear * rcbrt(J2)), dalpha = -2. / 3 * alpha * per_J * dJ;
+    const T bulk = select(J >= 1, g, T(1)) * moduli.bulk, squares = squared_norm(F);
+    const T beta = per_J * (0.5 * bulk * (J2 - 1) - 1. / 3 * alpha * squares);
+    const T dbeta = per_J * ((bulk * J - beta) * dJ - 1. / 3 * (dalpha * squares + 2 * alpha * contract(F, dF)));
+    return alpha * dF + dalpha * F + dbeta * H + beta * delta_cofactor(F, dF);
+  }
+
   /// With a wave along n, b n = beta n + gamma n', mu' = mu J^(-2/3) and c = 5/9 mu' tr b + kappa/2 (J^2 + 1), the fastest
   /// motion has
   ///

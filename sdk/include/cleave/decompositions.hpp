@@ -315,25 +315,35 @@ CLEAVE_INLINE Polar<T> polar(const Matrix3<T>& F) {
   return result;
 }
 
-/// The derivatives from dF = dR S + R dS: dR = R W with W skew, W S + S W = R^T dF - dF^T R.
+/// W = R^T dR of the rotation of F = R S along dF: skew, with W S + S W = R^T dF - dF^T R. By its axial vector w,
+/// (tr S I - S) w is that of the right-hand side. Where s2 + s3 = 0 the rotation jumps, and W is infinite: the product of the
+/// sums of two principal stretches is then taken as large as rounding makes it, so that W stays finite.
+template <class T>
+CLEAVE_INLINE Matrix3<T> rotation_rate(const Polar<T>& p, const Matrix3<T>& dF) {
+  const Matrix3<T> A = transpose(p.rotation) * dF;
+  const T size = trace(p.stretch);
+  const Symmetric3<T> sums = size * identity<T>() - p.stretch, c = cofactor(sums);
+  const T product = sums[0] * c[0] + sums[3] * c[3] + sums[4] * c[4];
+  const T least = T(detail::epsilon<T>) * (size * size * size) + T(std::numeric_limits<scalar_of<T>>::min());
+  const Vector3<T> w = (T(1) / max(product, least)) * (c * Vector3<T>(A(2, 1) - A(1, 2), A(0, 2) - A(2, 0), A(1, 0) - A(0, 1)));
+  return {T(0), -w[2], w[1], w[2], T(0), -w[0], -w[1], w[0], T(0)};
+}
+
+/// The derivatives from dF = dR S + R dS with dR = R W.
 template <class T, int N>
 CLEAVE_INLINE Polar<Dual<T, N>> polar(const Matrix3<Dual<T, N>>& F) {
   Matrix3<T> value;
   for (int k = 0; k < 9; ++k) value[k] = F[k].value;
   const Polar<T> p = polar(value);
   const Matrix3<T>& R = p.rotation;
-  const Symmetric3<T> inverse_spin = inverse(trace(p.stretch) * identity<T>() - p.stretch);
   Polar<Dual<T, N>> result;
   for (int k = 0; k < 9; ++k) result.rotation[k].value = R[k];
   for (int k = 0; k < 6; ++k) result.stretch[k].value = p.stretch[k];
   for (int i = 0; i < N; ++i) {
     Matrix3<T> dF;
     for (int k = 0; k < 9; ++k) dF[k] = F[k].derivative[i];
-    const Matrix3<T> A = transpose(R) * dF;
-    const Vector3<T> w = inverse_spin * Vector3<T>(A(2, 1) - A(1, 2), A(0, 2) - A(2, 0), A(1, 0) - A(0, 1));
-    const Matrix3<T> W(T(0), -w[2], w[1], w[2], T(0), -w[0], -w[1], w[0], T(0));
-    const Matrix3<T> dR = R * W;
-    const Symmetric3<T> dS = symmetric_part(A - W * Matrix3<T>(p.stretch));
+    const Matrix3<T> W = rotation_rate(p, dF), dR = R * W;
+    const Symmetric3<T> dS = symmetric_part(transpose(R) * dF - W * Matrix3<T>(p.stretch));
     for (int k = 0; k < 9; ++k) result.rotation[k].derivative[i] = dR[k];
     for (int k = 0; k < 6; ++k) result.stretch[k].derivative[i] = dS[k];
   }

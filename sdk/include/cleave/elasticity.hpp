@@ -6,14 +6,16 @@
 ///
 ///   EnergySplit<T> energy(strain) const               psi_plus, psi_minus, psi_fiber [J/m^3]
 ///   Symmetric3<T> kirchhoff(strain, const T& g) const tau, degraded by g [Pa]
-///   Matrix3<T> piola(F, const T& g) const             P, degraded by g [Pa]; laws of F only
+///   Matrix3<T> piola(F, const T& g) const             P, degraded by g [Pa]
+///   Matrix3<T> delta_piola(F, dF, const T& g) const   derivative of P along dF [Pa]
 ///   T wave_modulus(strain, const T& g) const          upper bound of rho_0 c^2 through the current configuration [Pa]
 ///   Symmetric3<T> effective_cauchy(strain) const      undegraded Cauchy stress of the isotropic part [Pa]
 ///   IsochoricResponse isochoric_response() const      what return mappings rely on
 ///   mask_of<T> valid(strain) const                    false where the law is undefined: the point becomes FATAL
 ///
-/// energy() or kirchhoff() or piola() is enough. What is left out is derived: stress from the energy by dual numbers, the
-/// stress differential from the stress, the wave modulus from the spatial tangent. Further members:
+/// energy() or kirchhoff() or, of a law of F, piola() is enough. What is left out is derived: stress from the energy by dual
+/// numbers, dP from P by dual numbers, the wave modulus from the spatial tangent. piola() and delta_piola() take F also in a
+/// law of b. Further members:
 ///
 ///   static constexpr bool inversion_safe = true;      finite, restoring stress for J <= 0; else J <= 0 is FATAL
 ///   static constexpr bool isotropic = true;           laws of b always are
@@ -60,13 +62,16 @@ struct Elastic {
   using Strain = StrainOf<Law, T>;
   using Probe = Lanes<double>;
 
-#define CLEAVE_HAS_FORMULA(call, call_with_fibers)                                      \
-  (fiber_count<Law> == 0                                                                \
-       ? requires(const Law& law, const Strain<Probe>& e, const Probe& g) { law.call; } \
-       : requires(const Law& law, const Strain<Probe>& e, const Probe& g, const Fibers<Probe>& a) { law.call_with_fibers; })
+#define CLEAVE_HAS_FORMULA(call, call_with_fibers)                                                                           \
+  (fiber_count<Law> == 0                                                                                                     \
+       ? requires(const Law& law, const Strain<Probe>& e, const Matrix3<Probe>& F, const Probe& g) { law.call; }             \
+       : requires(const Law& law, const Strain<Probe>& e, const Matrix3<Probe>& F, const Probe& g, const Fibers<Probe>& a) { \
+           law.call_with_fibers;                                                                                             \
+         })
   static constexpr bool has_energy = CLEAVE_HAS_FORMULA(energy(e), energy(e, a));
   static constexpr bool has_kirchhoff = CLEAVE_HAS_FORMULA(kirchhoff(e, g), kirchhoff(e, g, a));
-  static constexpr bool has_piola = !is_law_of_b<Law> && CLEAVE_HAS_FORMULA(piola(e, g), piola(e, g, a));
+  static constexpr bool has_piola = CLEAVE_HAS_FORMULA(piola(F, g), piola(F, g, a));
+  static constexpr bool has_delta_piola = CLEAVE_HAS_FORMULA(delta_piola(F, F, g), delta_piola(F, F, g, a));
   static constexpr bool has_wave_modulus = CLEAVE_HAS_FORMULA(wave_modulus(e, g), wave_modulus(e, g, a));
   static constexpr bool has_effective_cauchy = CLEAVE_HAS_FORMULA(effective_cauchy(e), effective_cauchy(e, a));
   static constexpr bool has_valid = CLEAVE_HAS_FORMULA(valid(e), valid(e, a));
@@ -76,7 +81,8 @@ struct Elastic {
   static constexpr bool offers_effective_cauchy = has_effective_cauchy || has_energy || fiber_count<Law> == 0;
   /// tau F^-T has no limit at J = 0, which a law may be defined at.
   static constexpr bool offers_piola = has_piola || (!is_law_of_b<Law> && has_energy) || !is_inversion_safe<Law>;
-  static_assert(has_energy || has_kirchhoff || has_piola, "an elastic law has energy(), kirchhoff() or piola()");
+  static_assert(has_energy || has_kirchhoff || (has_piola && !is_law_of_b<Law>),
+                "an elastic law has energy() or kirchhoff() or, of F, piola()");
 
   template <class T>
   static CLEAVE_INLINE EnergySplit<T> energy(const Law& law, const Strain<T>& e, const Fibers<T>& a) {
@@ -116,7 +122,7 @@ struct Elastic {
       return law.kirchhoff(e, g, a);
     else if constexpr (has_kirchhoff)
       return law.kirchhoff(e, g);
-    else if constexpr (has_piola)
+    else if constexpr (has_piola && !is_law_of_b<Law>)
       return symmetric_part(piola(law, e, g, a) * transpose(e));
     else
       return stress_of<T>(e, degraded_energy_derivative(law, e, g, a));
@@ -163,16 +169,22 @@ struct Elastic {
   template <class T>
   static CLEAVE_INLINE Matrix3<T> delta_piola(const Law& law, const Matrix3<T>& F, const Matrix3<T>& dF, const T& g,
                                               const Fibers<T>& a) {
-    using D = Dual<T, 1>;
-    Matrix3<D> moving;
-    for (int i = 0; i < 9; ++i) {
-      moving[i] = D(F[i]);
-      moving[i].derivative[0] = dF[i];
+    if constexpr (has_delta_piola && fiber_count < Law >> 0) {
+      return law.delta_piola(F, dF, g, a);
+    } else if constexpr (has_delta_piola) {
+      return law.delta_piola(F, dF, g);
+    } else {
+      using D = Dual<T, 1>;
+      Matrix3<D> moving;
+      for (int i = 0; i < 9; ++i) {
+        moving[i] = D(F[i]);
+        moving[i].derivative[0] = dF[i];
+      }
+      const Matrix3<D> P = piola<D>(law, moving, D(g), lift<D>(a));
+      Matrix3<T> dP;
+      for (int i = 0; i < 9; ++i) dP[i] = P[i].derivative[0];
+      return dP;
     }
-    const Matrix3<D> P = piola<D>(law, moving, D(g), lift<D>(a));
-    Matrix3<T> dP;
-    for (int i = 0; i < 9; ++i) dP[i] = P[i].derivative[0];
-    return dP;
   }
 
   template <class T>
@@ -370,7 +382,7 @@ struct ElasticBatch {
       return Formulas::template piola<T>(law, deformation, degradation, p.fibers);
     });
   }
-  [[gnu::noinline]] void delta_piola(const cleave_component* dF, const cleave_component* output) const {
+  [[gnu::noinline]] CLEAVE_FLATTEN void delta_piola(const cleave_component* dF, const cleave_component* output) const {
     pass_of_F(output, [this, dF](const Chunk<S>& chunk, const Point& p, const Matrix3<T>& deformation, const T& degradation) {
       return Formulas::template delta_piola<T>(law, deformation, chunk.load_matrix(dF), degradation, p.fibers);
     });

@@ -228,6 +228,14 @@ struct Matrix3 {
             a[2] * a[7] - a[1] * a[8], a[0] * a[8] - a[2] * a[6], a[1] * a[6] - a[0] * a[7],
             a[1] * a[5] - a[2] * a[4], a[2] * a[3] - a[0] * a[5], a[0] * a[4] - a[1] * a[3]};
   }
+  /// The derivative of cof(a) along b; bilinear and symmetric in a and b.
+  friend CLEAVE_INLINE Matrix3 delta_cofactor(const Matrix3& a, const Matrix3& b) {
+    return {a[4] * b[8] + b[4] * a[8] - a[5] * b[7] - b[5] * a[7], a[5] * b[6] + b[5] * a[6] - a[3] * b[8] - b[3] * a[8],
+            a[3] * b[7] + b[3] * a[7] - a[4] * b[6] - b[4] * a[6], a[2] * b[7] + b[2] * a[7] - a[1] * b[8] - b[1] * a[8],
+            a[0] * b[8] + b[0] * a[8] - a[2] * b[6] - b[2] * a[6], a[1] * b[6] + b[1] * a[6] - a[0] * b[7] - b[0] * a[7],
+            a[1] * b[5] + b[1] * a[5] - a[2] * b[4] - b[2] * a[4], a[2] * b[3] + b[2] * a[3] - a[0] * b[5] - b[0] * a[5],
+            a[0] * b[4] + b[0] * a[4] - a[1] * b[3] - b[1] * a[3]};
+  }
   friend CLEAVE_INLINE Matrix3 inverse(const Matrix3& a) {
     const Matrix3 c = cofactor(a);
     return transpose(c) / (a[0] * c[0] + a[1] * c[1] + a[2] * c[2]);

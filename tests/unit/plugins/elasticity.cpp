@@ -394,5 +394,31 @@ TEST(FixedCorotated, PushesBackTowardsRestThroughInversion) {
   }
 }
 
+/// States of the fixed corotated solid whose rotation is not determined, flat ones, and nothing at all.
+template <class S>
+void expect_finite_differential() {
+  const Instance law = corotated.make();
+  Field F, dF;
+  for (const Eigen::Vector3d& stretches : {Eigen::Vector3d(1, 1, -1), Eigen::Vector3d(1, 0.3, -0.3), Eigen::Vector3d(1, 1, 0),
+                                           Eigen::Vector3d(1, 0, 0), Eigen::Vector3d(0, 0, 0), Eigen::Vector3d(1, 1, 1)})
+    for (const Tensor& direction : deformations(4, 1)) {
+      F.push_back(row_major(stretches.asDiagonal()));
+      dF.push_back(row_major(direction));
+    }
+  LawDriver<S> driver;
+  driver.input(CLEAVE_FIELD_F, F).input(CLEAVE_FIELD_DELTA_F, dF).output(CLEAVE_FIELD_PIOLA, 9).output(CLEAVE_FIELD_DELTA_P, 9);
+  ASSERT_EQ(driver.run(evaluate<S>(law), law.handle(), std::uint32_t(F.size())), CLEAVE_OK);
+  for (std::uint32_t k = 0; k < F.size(); ++k) {
+    EXPECT_EQ(driver.status(k), CLEAVE_STATUS_OK) << k;
+    for (auto output : {CLEAVE_FIELD_PIOLA, CLEAVE_FIELD_DELTA_P})
+      for (double value : driver.value(output, k)) EXPECT_TRUE(std::isfinite(value)) << k;
+  }
+}
+
+TEST(FixedCorotated, StressDifferentialIsFiniteWhereTheRotationJumps) {
+  expect_finite_differential<float>();
+  expect_finite_differential<double>();
+}
+
 }  // namespace
 }  // namespace cleave::plugins::test

@@ -277,5 +277,26 @@ TEST(Decomposition, DualsDifferentiatePolarAndQr) {
   }
 }
 
+// Where the two smallest stretches cancel, the nearest rotation is not one alone.
+TYPED_TEST(DecompositionTest, RotationHasAFiniteDerivativeWhereItJumps) {
+  using L = Lanes<TypeParam>;
+  const double stretches[][3] = {{1, 1, -1}, {1, 0.5, -0.5}, {1, 0, 0}, {0, 0, 0}, {-1, -1, -1}, {1e3, 1e-3, -1e-3}};
+  Random random;
+  for (const auto& s : stretches)
+    for (int sample = 0; sample < 8; ++sample) {
+      const M left = random.rotation(), right = random.rotation(), direction = random.matrix();
+      const M f = sample ? left * M(diagonal(Vector3<double>(s[0], s[1], s[2]))) * right
+                         : M(diagonal(Vector3<double>(s[0], s[1], s[2])));
+      Matrix3<Dual<L, 1>> F;
+      for (int k = 0; k < 9; ++k) {
+        F[k].value = L(TypeParam(f[k]));
+        F[k].derivative[0] = L(TypeParam(direction[k]));
+      }
+      const auto p = polar(F);
+      for (int k = 0; k < 9; ++k)
+        EXPECT_TRUE(std::isfinite(p.rotation[k].derivative[0][0])) << "stretches " << s[0] << " " << s[2];
+    }
+}
+
 }  // namespace
 }  // namespace cleave

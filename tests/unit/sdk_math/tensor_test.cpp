@@ -53,6 +53,13 @@ TEST(Tensor, CofactorIsTheDerivativeOfTheDeterminant) {
   EXPECT_LE(largest(minus(cofactor(left_cauchy_green(a)), cofactor(M(left_cauchy_green(a))))), 100 * tiny);
 }
 
+TEST(Tensor, DeltaCofactorIsTheDerivativeOfTheCofactor) {
+  Random random;
+  const M a = random.matrix(), b = random.matrix();
+  // The cofactor is quadratic: its central difference is exact.
+  EXPECT_LE(largest(minus(delta_cofactor(a, b), 0.5 * (cofactor(a + b) - cofactor(a - b)))), 100 * tiny);
+}
+
 TEST(Tensor, DeterminantIsMultiplicative) {
   Random random;
   const M a = random.matrix(), b = random.matrix();
