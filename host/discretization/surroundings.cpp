@@ -1,6 +1,7 @@
 #include "discretization/surroundings.hpp"
 
 #include "mpm/colliders.hpp"
+#include "plugins/threads.hpp"
 
 #include <tbb/blocked_range.h>
 #include <tbb/parallel_for.h>
@@ -39,6 +40,7 @@ Surroundings::Surroundings(const config::Scene& scene, const std::vector<mpm::Sa
 }
 
 const cleave_surroundings* Surroundings::during(double time, double time_step) {
+  table_.threads = plugins::threads();
   time_step_ = time_step;
   for (auto& c : colliders_) c.pose = c.spec.motion.at(time + time_step);
   poses_.clear();

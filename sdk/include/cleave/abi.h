@@ -65,6 +65,21 @@ typedef struct cleave_message {
   char* subject; /* key of the parameter (or state variable) it is about; empty if none */
 } cleave_message;
 
+/* ---------------------------------------------------------------- threads */
+
+/* Threads that the host lends; where a call is handed none, or null, the plugin works alone (since 1.1).
+ * [ownership] host; valid during the call that it is handed to. */
+typedef struct cleave_threads {
+  uint32_t struct_size;
+  uint32_t count; /* that there are, at least 1 */
+  void* user;
+  /* Calls work(data, k * grain, min((k + 1) * grain, size)) once for each k, by any of the threads and in any order, and
+   * returns when all have returned. The ranges do not depend on the number of threads. Not to be called from work.
+   * [main-thread] */
+  void (*for_ranges)(void* user, uint64_t size, uint64_t grain, void (*work)(void* data, uint64_t first, uint64_t last),
+                     void* data);
+} cleave_threads;
+
 /* ---------------------------------------------------------------- who is there */
 
 typedef struct cleave_version {

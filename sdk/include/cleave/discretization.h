@@ -45,6 +45,7 @@ typedef struct cleave_surroundings {
   /* Position (m, 3) and velocity (m/s, 3) at the end of the step of a point or vertex of a body (enum cleave_entity) that a
    * handle moves; returns 0 and writes nothing if it is free. [any-thread] */
   int32_t (*handle)(void* user, uint64_t body, uint32_t entity, uint64_t index, double* position, double* velocity);
+  const cleave_threads* threads; /* that step() may use; null: none (since 1.1) */
 } cleave_surroundings;
 
 /* A quantity of the body's points that the plugin exposes, for output and measurement. The host knows these names:
@@ -77,7 +78,7 @@ typedef struct cleave_discretization {
   cleave_result (*add_body)(cleave_instance*, const cleave_body*, cleave_message*);
   /* Largest step that is stable from the present state, s. [main-thread] */
   double (*stable_step)(const cleave_instance*);
-  /* Advances all bodies. May use the host's threads only through what the surroundings offer. [main-thread] */
+  /* Advances all bodies. Uses no threads but those that the surroundings offer. [main-thread] */
   cleave_result (*step)(cleave_instance*, double time_step, const cleave_surroundings*, cleave_message*);
   /* Fields of a body: returns their number and, for index < number, fills *field. [main-thread] */
   uint32_t (*point_field)(const cleave_instance*, uint64_t body, uint32_t index, cleave_point_field* field);

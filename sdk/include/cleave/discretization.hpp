@@ -16,6 +16,7 @@
 
 #include <cleave/discretization.h>
 #include <cleave/plugin.hpp>
+#include <cleave/threads.hpp>
 
 #include <cstddef>
 #include <span>
@@ -31,6 +32,9 @@ class World {
   /// m/s^2
   std::array<double, 3> gravity() const {
     return {surroundings_.gravity[0], surroundings_.gravity[1], surroundings_.gravity[2]};
+  }
+  Threads threads() const {
+    return Threads(CLEAVE_HAS(cleave_surroundings, &surroundings_, threads) ? surroundings_.threads : nullptr);
   }
   /// Replaces velocities (3 per point) by what the colliders of the scene allow. May be called by several threads.
   void collide(std::span<const double> position, std::span<double> velocity) const {

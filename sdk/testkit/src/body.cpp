@@ -187,7 +187,8 @@ double Scene::stable_step() {
 void Scene::step(double time_step) {
   Surroundings user{*this, ""};
   const cleave_surroundings surroundings{
-      sizeof surroundings, 0, {gravity[0], gravity[1], gravity[2]}, &user, &Surroundings::collide, &Surroundings::handle};
+      sizeof surroundings,   0,      {gravity[0], gravity[1], gravity[2]}, &user, &Surroundings::collide,
+      &Surroundings::handle, nullptr};
   Words words;
   const cleave_result result = table().step(instance_.handle(), time_step, &surroundings, &words.message);
   if (result != CLEAVE_OK) throw Failed{"step() fails with result " + std::to_string(result) + ": " + words.said()};

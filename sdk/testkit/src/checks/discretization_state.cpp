@@ -307,7 +307,7 @@ void inputs_unchanged(Context& context) {
     const auto check = [&](cleave_result result, const char* function) {
       if (result != CLEAVE_OK) context.fail(std::string(function) + " fails: " + words.said());
     };
-    cleave_surroundings surroundings{sizeof surroundings, 0, {0, 0, -1}, nullptr, nullptr, nullptr};
+    cleave_surroundings surroundings{sizeof surroundings, 0, {0, 0, -1}, nullptr, nullptr, nullptr, nullptr};
     surroundings.collide = [](void*, std::uint64_t, const double*, double*) {};
     surroundings.handle = [](void*, std::uint64_t, std::uint32_t, std::uint64_t, double*, double*) -> std::int32_t {
       return 0;
