@@ -75,10 +75,10 @@ std::string particle_csv(const output::ParticleFrame& f) {
   for (const auto& a : f.attributes)
     for (int c = 0; c < a.components; c++) text += "," + a.name + (a.components > 1 ? std::to_string(c) : "");
   text += "\n";
-  for (std::size_t i = 0; i < f.ids.size(); i++) {
+  for (std::size_t i = 0; i < f.particles(); i++) {
     const auto& x = f.positions[i];
     const auto& v = f.velocities[i];
-    text += fmt::format("{},{},{},{},{},{},{},{},{}", x[0], x[1], x[2], v[0], v[1], v[2], f.volumes[i], f.ids[i], f.body[i]);
+    text += fmt::format("{},{},{},{},{},{},{},{},{}", x[0], x[1], x[2], v[0], v[1], v[2], f.volumes[i], i, f.body_of(i));
     for (const auto& a : f.attributes)
       for (int c = 0; c < a.components; c++)
         text += fmt::format(",{}", a.values[i * std::size_t(a.components) + std::size_t(c)]);

@@ -142,17 +142,16 @@ void Discretization::write(output::ParticleFrame& frame, const std::vector<std::
   };
   for (std::size_t b = 0; b < bodies_.size(); b++) {
     const auto& volumes = bodies_[b].volumes;
-    const std::size_t first = frame.ids.size(), count = volumes.size();
+    const std::size_t first = frame.particles(), count = volumes.size();
     const auto all = fields(b);
     const double *x = all.at("position").values, *v = all.at("velocity").values;
     for (std::size_t i = 0; i < count; i++) {
-      frame.ids.push_back(std::int64_t(first + i));
-      frame.body.push_back(std::int32_t(frame.bodies.size()));
       frame.positions.push_back(vector_of(x, i));
       frame.velocities.push_back(vector_of(v, i).cast<float>());
       frame.volumes.push_back(float(volumes[i]));
     }
     frame.bodies.push_back(bodies_[b].name);
+    frame.body_ends.push_back(first + count);
     for (auto& a : frame.attributes) a.values.resize((first + count) * std::size_t(a.components), 0.f);
     const auto attribute = [&](const std::string& name, int components, const std::string& unit) -> float* {
       auto a = std::find_if(frame.attributes.begin(), frame.attributes.end(), [&](const auto& k) { return k.name == name; });

@@ -23,7 +23,6 @@
 #include <chrono>
 #include <cstring>
 #include <map>
-#include <numeric>
 
 namespace cleave::mpm {
 namespace {
@@ -740,15 +739,11 @@ output::ParticleFrame MpmSimulation<T, D>::frame(int index) const {
   f.dimension = D;
   f.cell_size = cell_size_;
   f.bodies = body_names_;
+  f.body_ends.assign(first_id_.begin() + 1, first_id_.end());
   const auto n = std::size_t(particle_count_);
-  f.ids.resize(n);
-  f.body.resize(n);
   f.positions.resize(n);
   f.velocities.resize(n);
   f.volumes.resize(n);
-  std::iota(f.ids.begin(), f.ids.end(), 0);
-  for (std::size_t b = 0; b + 1 < first_id_.size(); b++)
-    std::fill(f.body.begin() + first_id_[b], f.body.begin() + first_id_[b + 1], std::int32_t(b));
   const auto& asked = scene_.output.attributes;
   const auto wanted = [&](const std::string& name, bool by_default) {
     return asked.empty() ? by_default : std::find(asked.begin(), asked.end(), name) != asked.end();
@@ -763,7 +758,13 @@ output::ParticleFrame MpmSimulation<T, D>::frame(int index) const {
   for (std::size_t k = 0; k < sets_.size(); k++) {
     const Set& s = *sets_[k];
     const Material& m = *materials_[set_material_[k]];
-    s.for_each([&](const auto& block, std::uint64_t slot) {
+    const auto for_particles = [&s](const auto& read) {  // every one has a place of its own in the frame
+      tbb::parallel_for(std::size_t(0), s.blocks().size(), [&](std::size_t i) {
+        const auto& block = s.blocks()[i];
+        for (std::uint32_t p = 0; p < block.count; p++) read(block, block.first_tile * lanes + p);
+      });
+    };
+    for_particles([&](const auto& block, std::uint64_t slot) {
       const std::uint32_t id = s.id(slot);
       f.positions[id] = s.position(block, slot) * cell_size_;
       Eigen::Vector3f v = Eigen::Vector3f::Zero();
@@ -773,27 +774,28 @@ output::ParticleFrame MpmSimulation<T, D>::frame(int index) const {
     });
     if (wanted("J", true)) {
       auto& a = attribute("J", 1, "1");
-      s.for_each([&](const auto&, std::uint64_t slot) { a.values[s.id(slot)] = float(s.jacobian(slot)); });
+      for_particles([&](const auto&, std::uint64_t slot) { a.values[s.id(slot)] = float(s.jacobian(slot)); });
     }
     if (m.damage() && wanted("damage", true)) {
       auto& a = attribute("damage", 1, "1");
-      s.for_each([&](const auto&, std::uint64_t slot) { a.values[s.id(slot)] = float(s.value(s.layout().damage, slot)); });
+      for_particles([&](const auto&, std::uint64_t slot) { a.values[s.id(slot)] = float(s.value(s.layout().damage, slot)); });
     }
     if (s.layout().toughness && wanted("toughness", false)) {
       auto& a = attribute("toughness", 1, "1");
-      s.for_each([&](const auto&, std::uint64_t slot) { a.values[s.id(slot)] = float(s.value(s.layout().toughness, slot)); });
+      for_particles(
+          [&](const auto&, std::uint64_t slot) { a.values[s.id(slot)] = float(s.value(s.layout().toughness, slot)); });
     }
     const char* strain = s.layout().stores_b ? "b" : "F";
     if (wanted(strain, false)) {
       auto& a = attribute(strain, 9, "1");
-      s.for_each([&](const auto&, std::uint64_t slot) {
+      for_particles([&](const auto&, std::uint64_t slot) {
         const Matrix3 x = s.deformation_or_b(slot);
         for (int i = 0; i < 9; i++) a.values[s.id(slot) * 9 + i] = float(x(i / 3, i % 3));
       });
     }
     if (wanted("C", false)) {
       auto& a = attribute("C", 9, "1/s");
-      s.for_each([&](const auto&, std::uint64_t slot) {
+      for_particles([&](const auto&, std::uint64_t slot) {
         for (int i = 0; i < D; i++)
           for (int j = 0; j < D; j++) a.values[s.id(slot) * 9 + i * 3 + j] = float(s.value(s.layout().affine, i * D + j, slot));
       });
@@ -803,7 +805,7 @@ output::ParticleFrame MpmSimulation<T, D>::frame(int index) const {
       const int components = int(state.tensor);
       if (wanted(state.name, true)) {
         auto& a = attribute(state.name, components, state.unit);
-        s.for_each([&](const auto&, std::uint64_t slot) {
+        for_particles([&](const auto&, std::uint64_t slot) {
           for (int c = 0; c < components; c++)
             a.values[s.id(slot) * components + c] = float(s.value(s.layout().state, first + c, slot));
         });

@@ -2,6 +2,7 @@
 
 #include "common/types.hpp"
 
+#include <algorithm>
 #include <cstdint>
 #include <filesystem>
 #include <memory>
@@ -18,19 +19,25 @@ struct Attribute {
   std::vector<float> values;
 };
 
-/// Particles of all bodies at one instant, sorted by id (so that the order is stable from frame to frame).
+/// Particles of all bodies at one instant, body after body. A particle's id is its place here, the same in every frame.
 struct ParticleFrame {
   int index = 0;    ///< frame number, 0 is the initial state
   double time = 0;  ///< s
   int dimension = 3;
-  double cell_size = 0;             ///< m
-  std::vector<std::string> bodies;  ///< names
-  std::vector<std::int64_t> ids;
-  std::vector<std::int32_t> body;           ///< index into bodies
+  double cell_size = 0;                     ///< m
+  std::vector<std::string> bodies;          ///< names
+  std::vector<std::size_t> body_ends;       ///< of each body, one past its last particle
   std::vector<Vector3> positions;           ///< m
   std::vector<Eigen::Vector3f> velocities;  ///< m/s
   std::vector<float> volumes;               ///< rest volume, m^3 (2D: m^2)
   std::vector<Attribute> attributes;        ///< J, damage, declared states, ...
+
+  std::size_t particles() const { return positions.size(); }
+  std::size_t body_begin(std::size_t body) const { return body > 0 ? body_ends[body - 1] : 0; }
+  /// Index into bodies.
+  std::int32_t body_of(std::size_t particle) const {
+    return std::int32_t(std::upper_bound(body_ends.begin(), body_ends.end(), particle) - body_ends.begin());
+  }
 };
 
 /// Row of frames.csv.

@@ -27,13 +27,11 @@ void write_ply(const std::filesystem::path& path, const ParticleFrame& frame) {
   std::ostream& out = file.stream();
 
   // PLY has no 64-bit integers; a double holds the ids beyond an int exactly.
-  const bool wide_ids = std::any_of(frame.ids.begin(), frame.ids.end(), [](std::int64_t id) {
-    return id > std::numeric_limits<std::int32_t>::max() || id < std::numeric_limits<std::int32_t>::min();
-  });
+  const bool wide_ids = frame.particles() > std::size_t(std::numeric_limits<std::int32_t>::max());
   out << "ply\nformat binary_little_endian 1.0\ncomment time " << number(frame.time) << " s\ncomment frame " << frame.index
       << "\ncomment cell_size " << number(frame.cell_size) << " m\n";
   for (std::size_t b = 0; b < frame.bodies.size(); ++b) out << "comment body " << b << ' ' << one_line(frame.bodies[b]) << '\n';
-  out << "element vertex " << frame.ids.size() << '\n';
+  out << "element vertex " << frame.particles() << '\n';
   for (const char* name : {"x", "y", "z", "vx", "vy", "vz"}) out << "property float " << name << '\n';
   out << "property " << (wide_ids ? "double" : "int") << " id\nproperty int body\nproperty float pscale\n";
   const std::vector<std::string> names = attribute_names(frame);
@@ -53,16 +51,16 @@ void write_ply(const std::filesystem::path& path, const ParticleFrame& frame) {
     const auto* bytes = reinterpret_cast<const char*>(&value);
     row.insert(row.end(), bytes, bytes + sizeof value);
   };
-  for (std::size_t i = 0; i < frame.ids.size(); ++i) {
+  for (std::size_t i = 0; i < frame.particles(); ++i) {
     row.clear();
     const Eigen::Vector3f position = position_of(frame, i).cast<float>();
     for (const float x : position) put(x);
     for (const float v : frame.velocities[i]) put(v);
     if (wide_ids)
-      put(static_cast<double>(frame.ids[i]));
+      put(static_cast<double>(i));
     else
-      put(static_cast<std::int32_t>(frame.ids[i]));
-    put(frame.body[i]);
+      put(static_cast<std::int32_t>(i));
+    put(frame.body_of(i));
     put(particle_radius(frame.volumes[i], frame.dimension));
     for (const Attribute& attribute : frame.attributes) {
       const auto width = static_cast<std::size_t>(attribute.components);

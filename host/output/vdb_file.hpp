@@ -49,18 +49,17 @@ inline void describe(openvdb::GridBase& grid, const ParticleFrame& frame, const 
 /// Particles of a body that have a place on a grid of this voxel size. Positions that are not finite, or so far away that
 /// voxels cannot be counted in 32 bits, would corrupt it; such particles only occur in a simulation that has failed, and the
 /// grid tells their number as "particles_left_out".
-inline std::vector<std::size_t> particles_on_grid(const ParticleFrame& frame, std::size_t body, double voxel_size,
-                                                  openvdb::GridBase& grid) {
+inline std::vector<std::uint32_t> particles_on_grid(const ParticleFrame& frame, std::size_t body, double voxel_size,
+                                                    openvdb::GridBase& grid) {
   constexpr double farthest = 1 << 30;
-  std::vector<std::size_t> particles;
+  std::vector<std::uint32_t> particles;
+  particles.reserve(frame.body_ends[body] - frame.body_begin(body));
   std::int64_t left_out = 0;
-  for (std::size_t i = 0; i < frame.ids.size(); ++i) {
-    if (frame.body[i] != static_cast<std::int32_t>(body)) continue;
+  for (std::size_t i = frame.body_begin(body); i < frame.body_ends[body]; ++i)
     if ((position_of(frame, i).array().abs() <= farthest * voxel_size).all())
-      particles.push_back(i);
+      particles.push_back(static_cast<std::uint32_t>(i));
     else
       ++left_out;
-  }
   if (left_out > 0) grid.insertMeta("particles_left_out", openvdb::Int64Metadata(left_out));
   return particles;
 }

@@ -24,7 +24,7 @@ double spacing(float volume, int dimension) { return volume > 0 ? dimension == 2
 struct Balls {
   using PosType = openvdb::Vec3R;
   const ParticleFrame& frame;
-  std::vector<std::size_t> particles;
+  std::vector<std::uint32_t> particles;
 
   std::size_t size() const { return particles.size(); }
   void getPos(std::size_t n, openvdb::Vec3R& center) const {
@@ -39,8 +39,8 @@ struct Balls {
 
 double typical_spacing(const ParticleFrame& frame, std::size_t body) {
   std::vector<float> volumes;
-  for (std::size_t i = 0; i < frame.ids.size(); ++i)
-    if (frame.body[i] == static_cast<std::int32_t>(body) && frame.volumes[i] > 0) volumes.push_back(frame.volumes[i]);
+  for (std::size_t i = frame.body_begin(body); i < frame.body_ends[body]; ++i)
+    if (frame.volumes[i] > 0) volumes.push_back(frame.volumes[i]);
   if (volumes.empty()) return frame.cell_size / 2;
   const auto middle = volumes.begin() + static_cast<std::ptrdiff_t>(volumes.size() / 2);
   std::nth_element(volumes.begin(), middle, volumes.end());

@@ -137,7 +137,7 @@ void write_body_names(std::ostream& out, const std::vector<std::string>& bodies)
 void write_vtp(const std::filesystem::path& path, const ParticleFrame& frame) {
   AtomicFile file(path);
   std::ostream& out = file.stream();
-  const std::size_t particles = frame.ids.size();
+  const std::size_t particles = frame.particles();
   const std::vector<std::string> scalar{""}, vector = component_suffixes(3);
   const std::string one_tuple = " NumberOfTuples=\"1\"";
 
@@ -153,9 +153,10 @@ void write_vtp(const std::filesystem::path& path, const ParticleFrame& frame) {
   write_body_names(out, frame.bodies);
   out << "</FieldData>\n<Piece NumberOfPoints=\"" << particles << "\" NumberOfVerts=\"" << particles
       << "\" NumberOfLines=\"0\" NumberOfStrips=\"0\" NumberOfPolys=\"0\">\n<PointData>\n";
-  write_array<std::int64_t>(out, "id", scalar, particles, [&](std::size_t i, std::int64_t* value) { *value = frame.ids[i]; });
+  write_array<std::int64_t>(out, "id", scalar, particles,
+                            [](std::size_t i, std::int64_t* value) { *value = static_cast<std::int64_t>(i); });
   write_array<std::int32_t>(out, "body", scalar, particles,
-                            [&](std::size_t i, std::int32_t* value) { *value = frame.body[i]; });
+                            [&](std::size_t i, std::int32_t* value) { *value = frame.body_of(i); });
   write_array<float>(out, "velocity", vector, particles,
                      [&](std::size_t i, float* values) { std::memcpy(values, frame.velocities[i].data(), 3 * sizeof(float)); });
   write_array<float>(out, "pscale", scalar, particles,

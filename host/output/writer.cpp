@@ -84,15 +84,15 @@ void remove_previous_run(const fs::path& directory) {
 }
 
 void check(const ParticleFrame& frame) {
-  const std::size_t particles = frame.ids.size();
+  const std::size_t particles = frame.particles();
   bool consistent = frame.index >= 0 && (frame.dimension == 2 || frame.dimension == 3) && frame.cell_size > 0 &&
-                    frame.body.size() == particles && frame.positions.size() == particles &&
-                    frame.velocities.size() == particles && frame.volumes.size() == particles;
+                    frame.body_ends.size() == frame.bodies.size() &&
+                    std::is_sorted(frame.body_ends.begin(), frame.body_ends.end()) &&
+                    (frame.bodies.empty() ? 0 : frame.body_ends.back()) == particles && frame.velocities.size() == particles &&
+                    frame.volumes.size() == particles;
   for (const Attribute& attribute : frame.attributes)
     consistent = consistent && attribute.components > 0 &&
                  attribute.values.size() == particles * static_cast<std::size_t>(attribute.components);
-  for (const std::int32_t body : frame.body)
-    consistent = consistent && body >= 0 && static_cast<std::size_t>(body) < frame.bodies.size();
   if (!consistent) throw std::invalid_argument("the arrays of a particle frame do not fit together");
 }
 

@@ -14,8 +14,8 @@ namespace {
 
 namespace fs = std::filesystem;
 
-/// What a frame holds of a particle: ids 8, bodies 4, positions 24, velocities 12, volumes 4, J 4.
-constexpr double frame_bytes = 56;
+/// What a frame holds of a particle: positions 24, velocities 12, volumes 4, J 4.
+constexpr double frame_bytes = 44;
 /// What sorting needs beside the particles: where each comes from, and three of its stored numbers.
 constexpr double sort_bytes = 4 + 12;
 /// Grid, blocks, and places at the end of tiles that no particle fills.

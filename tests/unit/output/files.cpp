@@ -195,8 +195,10 @@ TEST_F(Files, ArraysThatDoNotFitTogetherAreAProgrammersError) {
   frame.attributes[2].values.pop_back();
   EXPECT_THROW(writer.frame(frame), std::invalid_argument);
   frame = random_frame(4);
-  frame.body[0] = 2;
-  EXPECT_THROW(writer.frame(frame), std::invalid_argument);
+  for (const std::vector<std::size_t>& ends : {std::vector<std::size_t>{4}, {5, 4}, {2, 3}}) {
+    frame.body_ends = ends;
+    EXPECT_THROW(writer.frame(frame), std::invalid_argument);
+  }
 }
 
 }  // namespace

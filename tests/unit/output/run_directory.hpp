@@ -52,7 +52,8 @@ class RunDirectory : public testing::Test {
   std::filesystem::path directory;
 };
 
-/// Two bodies, far enough from the origin to tell single from double precision, ids with gaps, and an attribute of each width.
+/// Two bodies, a third of the particles in the second, far enough from the origin to tell single from double precision, and an
+/// attribute of each width.
 inline ParticleFrame random_frame(std::size_t particles, int dimension = 3, int index = 7) {
   std::mt19937 random(static_cast<unsigned>(particles) + static_cast<unsigned>(dimension));
   std::uniform_real_distribution<double> place(90, 110), value(-1, 1);
@@ -62,12 +63,11 @@ inline ParticleFrame random_frame(std::size_t particles, int dimension = 3, int 
   frame.dimension = dimension;
   frame.cell_size = 0.5;
   frame.bodies = {"left half", "right <half> & \"rest\""};
+  frame.body_ends = {particles - particles / 3, particles};
   for (const auto& [name, components, unit] :
        {std::tuple{"damage", 1, "1"}, {"fiber", 3, ""}, {"stress", 6, "Pa"}, {"F", 9, "1"}, {"v", 1, ""}})
     frame.attributes.push_back({name, components, unit, {}});
   for (std::size_t i = 0; i < particles; ++i) {
-    frame.ids.push_back(static_cast<std::int64_t>(3 * i + 5));
-    frame.body.push_back(static_cast<std::int32_t>(i % 3 == 0));
     frame.positions.emplace_back(place(random), place(random), dimension == 3 ? place(random) : 0);
     frame.velocities.push_back(Eigen::Vector3f::NullaryExpr([&] { return static_cast<float>(value(random)); }));
     frame.volumes.push_back(static_cast<float>(0.01 + 0.001 * value(random)));
