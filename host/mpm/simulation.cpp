@@ -152,21 +152,22 @@ class MpmSimulation final : public Simulation {
       particles_to_grid(view);
       update_grid(view);
       if (constraints_) apply_constraints(dt);
-      grid_to_particles(view);
+      grid_to_particles(view, pass + 1 < passes);
     }
     integrators_["symplectic"]++;
   }
 
-  /// What the particles are, apart from where they are stored.
+  /// What the particles that have damage are, apart from where they are stored: trials move only these.
   void keep(std::vector<Buffer>& copies) const {
-    for (const auto& s : sets_) {
-      copies.emplace_back(s->tiles() * s->layout().stride);
-      std::memcpy(copies.back().data(), s->data(), s->tiles() * s->layout().stride);
+    for (std::size_t k = 0; k < sets_.size(); k++) {
+      const std::size_t bytes = damage_[k] ? sets_[k]->tiles() * sets_[k]->layout().stride : 0;
+      copies.emplace_back(bytes);
+      if (bytes) std::memcpy(copies.back().data(), sets_[k]->data(), bytes);
     }
   }
   void restore(const std::vector<Buffer>& copies) {
     for (std::size_t k = 0; k < sets_.size(); k++)
-      std::memcpy(sets_[k]->data(), copies[k].data(), sets_[k]->tiles() * sets_[k]->layout().stride);
+      if (damage_[k]) std::memcpy(sets_[k]->data(), copies[k].data(), sets_[k]->tiles() * sets_[k]->layout().stride);
   }
   void drive_damage(double dt);
   void evolve_damage(double dt);
@@ -179,7 +180,8 @@ class MpmSimulation final : public Simulation {
   void particles_to_grid(StepView&);
   void update_grid(const StepView&);
   void apply_constraints(double dt);
-  void grid_to_particles(const StepView&);
+  /// A trial leaves particles that have no damage where they are.
+  void grid_to_particles(const StepView&, bool trial);
   static const plugins::Instance& failed_law(const Material& m, const BlockReport& r) {
     return r.failed == LawKind::damage ? m.damage() : r.failed == LawKind::plasticity ? m.plasticity() : m.elasticity();
   }
@@ -387,12 +389,11 @@ void MpmSimulation<T, D>::store(std::size_t m, std::vector<SampledBody>& bodies)
 template <class T, int D>
 void MpmSimulation<T, D>::sort() {
   Timer timer(*this, sort_stage);
-  if (needs_sort_) {
-    try {
-      for (auto& s : sets_) s->sort();
-    } catch (const SimulationError& e) {
-      throw SimulationError(fmt::format("step {} at t = {:.6g} s: {}", steps_, time_, e.what()));
-    }
+  try {
+    for (std::size_t k = 0; k < sets_.size(); k++)
+      if (needs_sort_ || (damage_[k] && damage_[k]->needs_sorted_particles())) sets_[k]->sort();
+  } catch (const SimulationError& e) {
+    throw SimulationError(fmt::format("step {} at t = {:.6g} s: {}", steps_, time_, e.what()));
   }
   needs_sort_ = false;
   std::vector<BlockCoordinate> homes;
@@ -462,8 +463,7 @@ void MpmSimulation<T, D>::measure_waves() {
 
 template <class T, int D>
 Bound MpmSimulation<T, D>::largest_step() {
-  needs_sort_ = needs_sort_ || sorts_always_;
-  if (needs_sort_) sort();
+  if (needs_sort_ || sorts_always_) sort();
   const auto& sim = scene_.simulation;
   Bound bound{std::numeric_limits<double>::infinity(), "frame"};
   const auto consider = [&](double seconds, const char* name) {
@@ -608,12 +608,16 @@ void MpmSimulation<T, D>::apply_constraints(double dt) {
 }
 
 template <class T, int D>
-void MpmSimulation<T, D>::grid_to_particles(const StepView& step) {
+void MpmSimulation<T, D>::grid_to_particles(const StepView& step, bool trial) {
   Timer timer(*this, to_particles_stage);
+  std::vector<Set*> moved = sets();
+  for (std::size_t s = 0; s < sets_.size(); s++)
+    if (trial && !damage_[s]) moved[s] = nullptr;
   std::vector<std::vector<Vector3>> held;
-  if (handles_.any()) held = handles_.positions(std::as_const(*this).sets());
+  if (handles_.any()) held = handles_.positions({moved.begin(), moved.end()});
   maximum_speed_ = 0;
   for (std::size_t s = 0; s < sets_.size(); s++) {
+    if (!moved[s]) continue;
     const ParticleView particles = view(s);
     const auto& blocks = sets_[s]->blocks();
     std::vector<BlockReport> reports(blocks.size());
@@ -628,7 +632,7 @@ void MpmSimulation<T, D>::grid_to_particles(const StepView& step) {
     }
     check(reports, s, "grid to particles");
   }
-  if (handles_.any() && handles_.move(sets(), held, time_, step.time_step)) needs_sort_ = true;
+  if (handles_.any() && handles_.move(moved, held, time_, step.time_step)) needs_sort_ = true;
 }
 
 // ------------------------------------------------------------------------------------------------- failure
