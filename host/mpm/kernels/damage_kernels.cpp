@@ -138,8 +138,7 @@ CLEAVE_INLINE Tile<T> jacobian(const ParticleView& set, const char* tile) {
     det = set.stores_b ? (at(0) * at(1) - at(3) * at(3)) * at(2) : (at(0) * at(3) - at(1) * at(2)) * at(4);
   }
   if (set.stores_b) {
-    for (int l = 0; l < tile_lanes<T>; l++) det[l] = det[l] > T(0) ? __builtin_sqrt(det[l]) : T(0);
-    return det;
+    return square_root<T>(maximum<T>(det, Tile<T>{}));
   }
   return magnitude<T>(det);
 }
@@ -229,7 +228,7 @@ void stiffness(const ParticleView& set, const BlockView& block, const DamageView
         present |= value[r] != T(0);
         sum[r] = Quad<T>{};
       }
-      if (!any(present)) {
+      if (!any_bit(present)) {
         while (++p < chunk.points && s.node[p] == first) continue;
         continue;
       }
@@ -421,11 +420,14 @@ void integrate_cubic(const ParticleView& set, const BlockView& block, const Dama
   TileMask<T> damaged{};
   for (std::uint32_t p = 0; p < block.count; p += lanes) {
     const std::uint64_t tile = block.first_tile + p / lanes;
-    Tile<T> laplacian{};
-    for (int l = 0; l < lanes && p + std::uint32_t(l) < block.count; l++)
-      for_cubic<T, D>(set, set.tiles + tile * set.stride, l,
-                      [&](int node, T, T second) { laplacian[l] += second * s.from[node]; });
-    integrate_tile<T>(set, view, tile, laplacian, T(rate), T(length * length), damaged);
+    T* laplacian = s.values;
+    for (int l = 0; l < lanes; l++) {
+      laplacian[l] = 0;
+      if (p + std::uint32_t(l) < block.count)
+        for_cubic<T, D>(set, set.tiles + tile * set.stride, l,
+                        [&](int node, T, T second) { laplacian[l] += second * s.from[node]; });
+    }
+    integrate_tile<T>(set, view, tile, load<T>(laplacian), T(rate), T(length * length), damaged);
   }
   report.damaged = any(damaged);
 }

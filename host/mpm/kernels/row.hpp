@@ -1,14 +1,10 @@
 #pragma once
 
-#if defined(__x86_64__)
-#include <immintrin.h>
-#endif
+#include "mpm/kernels/registers.hpp"
 
 /// One row of the transfer stencil: three neighbouring nodes along the last axis, four numbers each (mass and velocity or
 /// momentum). A particle meets nine such rows in three dimensions, three in two.
 namespace cleave::mpm::kernel {
-
-#define CLEAVE_INLINE inline __attribute__((always_inline))
 
 typedef float Quad_float __attribute__((vector_size(16)));
 typedef double Quad_double __attribute__((vector_size(32)));

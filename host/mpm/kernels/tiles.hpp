@@ -16,83 +16,109 @@ template <class T>
 struct TileTypes;
 template <>
 struct TileTypes<float> {
-  typedef float Real __attribute__((vector_size(64)));
-  typedef std::int32_t Mask __attribute__((vector_size(64)));
-  typedef std::int32_t Index __attribute__((vector_size(64)));
+  typedef float Real __attribute__((vector_size(register_bytes)));
+  using Mask = decltype(Real{} < Real{});
+  typedef std::int32_t Index __attribute__((vector_size(register_bytes)));
 };
 template <>
 struct TileTypes<double> {
-  typedef double Real __attribute__((vector_size(64)));
-  typedef std::int64_t Mask __attribute__((vector_size(64)));
-  typedef std::int32_t Index __attribute__((vector_size(32)));
+  typedef double Real __attribute__((vector_size(register_bytes)));
+  using Mask = decltype(Real{} < Real{});
+  typedef std::int32_t Index __attribute__((vector_size(register_bytes / 2)));
 };
 
-/// One component of one tile: a vector of 16 floats or 8 doubles.
+/// One component of one tile: 16 floats or 8 doubles.
 template <class T>
-using Tile = typename TileTypes<T>::Real;
-/// What comparing tiles gives: combined by & | ~, looked at by `any`, used by `select`; m[lane] is true or false.
+using Tile = Registers<typename TileTypes<T>::Real, int(CLEAVE_TILE_BYTES) / register_bytes>;
+/// As much of it as one register holds. A loop over parts keeps many components in registers, where whole tiles of them would
+/// not fit; where a register holds a whole tile, it is the same type.
 template <class T>
-using TileMask = typename TileTypes<T>::Mask;
-/// One 32-bit integer per lane: + and * with integers.
-template <class T>
-using TileIndex = typename TileTypes<T>::Index;
+using Part = Registers<typename TileTypes<T>::Real, 1>;
 
+/// Functions of tiles are called with the type of their numbers, those of parts with Part<T>.
 template <class T>
-CLEAVE_INLINE Tile<T> load(const void* p) {
-  return *static_cast<const Tile<T>*>(p);
+struct VectorOf {
+  using Number = T;
+  using type = Tile<T>;
+};
+template <class R, int Count>
+struct VectorOf<Registers<R, Count>> {
+  using type = Registers<R, Count>;
+  using Number = typename type::Number;
+};
+template <class V>
+using Vector = typename VectorOf<V>::type;
+template <class V>
+using NumberOf = typename VectorOf<V>::Number;
+/// What comparing tiles gives: combined by & | ~, looked at by `any`, used by `select`; m[lane] is true or false.
+template <class V>
+using TileMask = Registers<typename TileTypes<NumberOf<V>>::Mask, Vector<V>::count>;
+/// One 32-bit integer per lane: + and * with integers.
+template <class V>
+using TileIndex = Registers<typename TileTypes<NumberOf<V>>::Index, Vector<V>::count>;
+
+template <class V>
+CLEAVE_INLINE Vector<V> load(const void* p) {
+  return *static_cast<const Vector<V>*>(p);
 }
-template <class T>
-CLEAVE_INLINE void store(void* p, Tile<T> v) {
-  *static_cast<Tile<T>*>(p) = v;
+template <class V>
+CLEAVE_INLINE void store(void* p, const Vector<V>& v) {
+  *static_cast<Vector<V>*>(p) = v;
 }
-/// A number for all lanes, to be made once outside of loops: where no register holds a whole tile, the compiler makes a tile of
-/// a scalar by storing it lane after lane, and waits for all of the stores.
-template <class T>
-CLEAVE_INLINE Tile<T> everywhere(T x) {
-  typedef T Half __attribute__((vector_size(32)));
-  const Half half = x - Half{};
-  Tile<T> tile;
-  std::memcpy(&tile, &half, sizeof half);
-  std::memcpy(reinterpret_cast<char*>(&tile) + sizeof half, &half, sizeof half);
-  return tile;
+/// A number for all lanes of a tile, or of V.
+template <class V = void, class T>
+CLEAVE_INLINE auto everywhere(T x) {
+  return x - Vector<std::conditional_t<std::is_void_v<V>, T, V>>{};
 }
 /// yes where m, no elsewhere
-template <class T>
-CLEAVE_INLINE Tile<T> select(TileMask<T> m, Tile<T> yes, Tile<T> no) {
-  return m ? yes : no;
+template <class V>
+CLEAVE_INLINE Vector<V> select(const TileMask<V>& m, const Vector<V>& yes, const Vector<V>& no) {
+  return Vector<V>::map(
+      [](auto c, auto a, auto b) __attribute__((always_inline)) { return c ? a : b; }, m, yes, no);
 }
-template <class T>
-CLEAVE_INLINE Tile<T> maximum(Tile<T> a, Tile<T> b) {
-  return select<T>(a > b, a, b);
+template <class V>
+CLEAVE_INLINE Vector<V> maximum(const Vector<V>& a, const Vector<V>& b) {
+  return select<V>(a > b, a, b);
 }
-template <class T>
-CLEAVE_INLINE Tile<T> minimum(Tile<T> a, Tile<T> b) {
-  return select<T>(a < b, a, b);
+template <class V>
+CLEAVE_INLINE Vector<V> minimum(const Vector<V>& a, const Vector<V>& b) {
+  return select<V>(a < b, a, b);
 }
-template <class T>
-CLEAVE_INLINE Tile<T> magnitude(Tile<T> a) {
-  return select<T>(a < T(0), -a, a);
+template <class V>
+CLEAVE_INLINE Vector<V> magnitude(const Vector<V>& a) {
+  return select<V>(a < NumberOf<V>(0), -a, a);
+}
+template <class V>
+CLEAVE_INLINE Vector<V> square_root(const Vector<V>& x) {
+  return Vector<V>::map(
+      [](auto a) __attribute__((always_inline)) {
+        for (int l = 0; l < Vector<V>::each; l++) a[l] = __builtin_sqrt(a[l]);
+        return a;
+      },
+      x);
 }
 /// Truncated towards zero.
-template <class T>
-CLEAVE_INLINE TileIndex<T> to_index(Tile<T> x) {
-  return __builtin_convertvector(x, TileIndex<T>);
+template <class V>
+CLEAVE_INLINE TileIndex<V> to_index(const Vector<V>& x) {
+  using I = typename TileIndex<V>::Register;
+  return Vector<V>::map(
+      [](auto a) __attribute__((always_inline)) { return __builtin_convertvector(a, I); }, x);
 }
-template <class T>
-CLEAVE_INLINE Tile<T> from_index(TileIndex<T> i) {
-  return __builtin_convertvector(i, Tile<T>);
+template <class V>
+CLEAVE_INLINE Vector<V> from_index(const TileIndex<V>& i) {
+  using R = typename Vector<V>::Register;
+  return Vector<V>::map(
+      [](auto a) __attribute__((always_inline)) { return __builtin_convertvector(a, R); }, i);
 }
-template <class T>
-CLEAVE_INLINE void store_index(std::int32_t* p, TileIndex<T> i) {
-  *reinterpret_cast<TileIndex<T>*>(p) = i;
+template <class V>
+CLEAVE_INLINE void store_index(std::int32_t* p, const TileIndex<V>& i) {
+  *reinterpret_cast<TileIndex<V>*>(p) = i;
 }
-template <class M>
-CLEAVE_INLINE bool any(M m) {
-  std::uint64_t r = 0;
-  std::uint64_t bits[sizeof(M) / 8];
-  std::memcpy(bits, &m, sizeof m);
-  for (auto b : bits) r |= b;
-  return r != 0;
+template <class R, int Count>
+CLEAVE_INLINE bool any(const Registers<R, Count>& m) {
+  R all = m.r[0];
+  for (int i = 1; i < Count; i++) all |= m.r[i];
+  return any_bit(all);
 }
 
 template <class T>
@@ -139,11 +165,9 @@ CLEAVE_INLINE void for_arena_rows(const BlockView& block, F&& run) {
 /// of the arena are aligned to nodes only, and a template parameter does not carry the alignment of a type.
 template <class T, int Bytes, class F>
 CLEAVE_INLINE void for_pieces(T* to, const T* from, F&& f) {
-  typedef T Whole __attribute__((vector_size(64)));
-  typedef T Half __attribute__((vector_size(32)));
-  typedef T Part __attribute__((vector_size(16)));
+  typedef T Quarter __attribute__((vector_size(16)));
   int at = 0;
-  const auto visit = [&](auto piece) {
+  const auto visit = [&](auto piece) __attribute__((always_inline)) {
     constexpr int size = int(sizeof piece);
     for (; Bytes - at >= size; at += size) {
       auto there = piece, here = piece;
@@ -153,9 +177,15 @@ CLEAVE_INLINE void for_pieces(T* to, const T* from, F&& f) {
       std::memcpy(reinterpret_cast<char*>(to) + at, &there, size);
     }
   };
-  visit(Whole{});
-  visit(Half{});
-  visit(Part{});
+  if constexpr (register_bytes == 64) {
+    typedef T Whole __attribute__((vector_size(64)));
+    visit(Whole{});
+  }
+  if constexpr (register_bytes >= 32) {
+    typedef T Half __attribute__((vector_size(32)));
+    visit(Half{});
+  }
+  visit(Quarter{});
 }
 
 template <class T, int D>
@@ -188,29 +218,32 @@ CLEAVE_INLINE void merge_arena(T* grid, const BlockView& block, T* arena) {
 template <class T, int D, bool Planes>
 CLEAVE_INLINE void tile_weights(const ParticleView& set, const char* tile, T* w, std::int32_t* node) {
   using R = WeightRows<D>;
+  using V = Part<T>;
   constexpr int lanes = tile_lanes<T>;
   constexpr int arena = GridShape<D>::arena_edge;
-  TileIndex<T> index{};
-  Tile<T> one_axis[D][3];
-  for (int a = 0; a < D; a++) {
-    const Tile<T> x = load<T>(tile + set.position + a * CLEAVE_TILE_BYTES);
-    // arena nodes start at -1, and x > -1/2: truncation is floor
-    const auto i = to_index<T>(x + T(0.5));
-    index = index * arena + i;
-    const Tile<T> q = x - from_index<T>(i);  // particle minus middle node
-    const Tile<T> lower = T(0.5) - q, upper = T(0.5) + q;
-    one_axis[a][0] = T(0.5) * lower * lower;
-    one_axis[a][1] = T(0.75) - q * q;
-    one_axis[a][2] = T(0.5) * upper * upper;
-    store<T>(w + (R::offset + a) * lanes, -q);
+  for (int lane = 0; lane < lanes; lane += V::lanes, tile += sizeof(V), w += V::lanes) {
+    TileIndex<V> index{};
+    V one_axis[D][3];
+    for (int a = 0; a < D; a++) {
+      const V x = load<V>(tile + set.position + a * CLEAVE_TILE_BYTES);
+      // arena nodes start at -1, and x > -1/2: truncation is floor
+      const TileIndex<V> i = to_index<V>(x + T(0.5));
+      index = index * arena + i;
+      const V q = x - from_index<V>(i);  // particle minus middle node
+      const V lower = T(0.5) - q, upper = T(0.5) + q;
+      one_axis[a][0] = T(0.5) * lower * lower;
+      one_axis[a][1] = T(0.75) - q * q;
+      one_axis[a][2] = T(0.5) * upper * upper;
+      store<V>(w + (R::offset + a) * lanes, -q);
+    }
+    store_index<V>(node + lane, index);
+    for (int a = 0; a < D; a++)
+      if (!Planes || D == 2 || a == D - 1)
+        for (int i = 0; i < 3; i++) store<V>(w + (R::axis(a) + i) * lanes, one_axis[a][i]);
+    if constexpr (Planes && D == 3)
+      for (int i = 0; i < 3; i++)
+        for (int j = 0; j < 3; j++) store<V>(w + (R::plane + 3 * i + j) * lanes, one_axis[0][i] * one_axis[1][j]);
   }
-  store_index<T>(node, index);
-  for (int a = 0; a < D; a++)
-    if (!Planes || D == 2 || a == D - 1)
-      for (int i = 0; i < 3; i++) store<T>(w + (R::axis(a) + i) * lanes, one_axis[a][i]);
-  if constexpr (Planes && D == 3)
-    for (int i = 0; i < 3; i++)
-      for (int j = 0; j < 3; j++) store<T>(w + (R::plane + 3 * i + j) * lanes, one_axis[0][i] * one_axis[1][j]);
 }
 
 // ------------------------------------------------------------------------------------------------- laws

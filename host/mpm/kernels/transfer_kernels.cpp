@@ -35,11 +35,13 @@ struct Scratch {
 /// g = (1-r)(1-d)^2 + r, in a form that is exactly 1 where there is no damage.
 template <class T>
 CLEAVE_INLINE void degrade(const ParticleView& set, std::uint64_t first, int tiles, T* scratch) {
+  using V = Part<T>;
   constexpr int lanes = tile_lanes<T>;
-  for (int k = 0; k < tiles; k++) {
-    const Tile<T> d = load<T>(set.tiles + (first + k) * set.stride + set.damage);
-    store<T>(scratch + (k * stress_rows + degradation_row) * lanes, T(1) - T(1 - set.residual) * d * (T(2) - d));
-  }
+  for (int k = 0; k < tiles; k++)
+    for (int lane = 0; lane < lanes; lane += V::lanes) {
+      const V d = load<V>(set.tiles + (first + k) * set.stride + set.damage + lane * sizeof(T));
+      store<V>(scratch + (k * stress_rows + degradation_row) * lanes + lane, T(1) - T(1 - set.residual) * d * (T(2) - d));
+    }
 }
 
 template <class T, int D>
@@ -51,8 +53,9 @@ void particle_to_grid(const ParticleView& set, const BlockView& block, const Ste
   constexpr int quads = D + 1;
   constexpr std::uint32_t row = CLEAVE_TILE_BYTES;
   const bool affine = step.scheme == TransferScheme::apic && step.stress;
-  const Tile<T> density = everywhere(T(set.relative_density)), cell_size = everywhere(T(step.cell_size)),
-                force = everywhere(T(step.force_scale));
+  using V = Part<T>;
+  const V density = everywhere<V>(T(set.relative_density)), cell_size = everywhere<V>(T(step.cell_size)),
+          force = everywhere<V>(T(step.force_scale));
   for_chunks<T>(
       set, block, [&](const Chunk& chunk) __attribute__((always_inline)) {
         const std::uint64_t first = chunk.first;
@@ -66,27 +69,29 @@ void particle_to_grid(const ParticleView& set, const BlockView& block, const Ste
           const char* tile = set.tiles + (first + k) * set.stride;
           T* w = s.weights + k * (W::count * lanes);
           tile_weights<T, D, true>(set, tile, w, s.node + k * lanes);
-          const Tile<T> volume = load<T>(tile + set.volume), mass = volume * density;
-          const Tile<T> kv = volume * force, md = mass * cell_size;
-          constexpr int sym3[9] = {0, 3, 4, 3, 1, 5, 4, 5, 2};
-          Tile<T> A[D][D], q[D];
-          for (int i = 0; i < D; i++) {
-            for (int a = 0; a < D; a++) {
-              A[i][a] = affine ? md * load<T>(tile + set.affine + (D * i + a) * row) : Tile<T>{};
-              if (step.stress) A[i][a] -= kv * load<T>(s.stress + (k * stress_rows + sym3[3 * i + a]) * lanes);
+          for (int lane = 0; lane < lanes; lane += V::lanes, tile += sizeof(V), w += V::lanes) {
+            const V volume = load<V>(tile + set.volume), mass = volume * density;
+            const V kv = volume * force, md = mass * cell_size;
+            constexpr int sym3[9] = {0, 3, 4, 3, 1, 5, 4, 5, 2};
+            V A[D][D], q[D];
+            for (int i = 0; i < D; i++) {
+              for (int a = 0; a < D; a++) {
+                A[i][a] = affine ? md * load<V>(tile + set.affine + (D * i + a) * row) : V{};
+                if (step.stress) A[i][a] -= kv * load<V>(s.stress + (k * stress_rows + sym3[3 * i + a]) * lanes + lane);
+              }
+              q[i] = mass * load<V>(tile + set.velocity + i * row);
+              for (int a = 0; a < D; a++) q[i] += A[i][a] * load<V>(w + (W::offset + a) * lanes);
             }
-            q[i] = mass * load<T>(tile + set.velocity + i * row);
-            for (int a = 0; a < D; a++) q[i] += A[i][a] * load<T>(w + (W::offset + a) * lanes);
+            // records: [m q][0 A_x][0 A_y][0 A_z]
+            T* rows = s.rows + lane;
+            store<V>(rows, mass);
+            for (int i = 0; i < 3; i++) store<V>(rows + (1 + i) * lanes, i < D ? q[i < D ? i : 0] : V{});
+            for (int a = 0; a < D; a++) {
+              store<V>(rows + (4 + 4 * a) * lanes, V{});
+              for (int i = 0; i < 3; i++) store<V>(rows + (5 + 4 * a + i) * lanes, i < D ? A[i < D ? i : 0][a] : V{});
+            }
           }
-          // records: [m q][0 A_x][0 A_y][0 A_z]
-          T* rows = s.rows;
-          store<T>(rows, mass);
-          for (int i = 0; i < 3; i++) store<T>(rows + (1 + i) * lanes, i < D ? q[i < D ? i : 0] : Tile<T>{});
-          for (int a = 0; a < D; a++) {
-            store<T>(rows + (4 + 4 * a) * lanes, Tile<T>{});
-            for (int i = 0; i < 3; i++) store<T>(rows + (5 + 4 * a + i) * lanes, i < D ? A[i < D ? i : 0][a] : Tile<T>{});
-          }
-          lanes_to_records<T, quads>(rows, s.records + k * lanes * record_size);
+          lanes_to_records<T, quads>(s.rows, s.records + k * lanes * record_size);
         }
         scatter<T, D>(s.scatter_arena, s.records, s.weights, s.node, count);
       });
@@ -94,49 +99,49 @@ void particle_to_grid(const ParticleView& set, const BlockView& block, const Ste
 }
 
 /// b <- A b A^T for the stored components.
-template <class T, int D>
-CLEAVE_INLINE void update_b(char* strain, const Tile<T> (&A)[D][D]) {
+template <class V, int D>
+CLEAVE_INLINE void update_b(char* strain, const V (&A)[D][D]) {
   constexpr std::uint32_t row = CLEAVE_TILE_BYTES;
   if constexpr (D == 3) {
-    Tile<T> b[6], t[3][3];
-    for (int i = 0; i < 6; i++) b[i] = load<T>(strain + i * row);
+    V b[6], t[3][3];
+    for (int i = 0; i < 6; i++) b[i] = load<V>(strain + i * row);
     constexpr int at[3][3] = {{0, 3, 4}, {3, 1, 5}, {4, 5, 2}};
     for (int i = 0; i < 3; i++)
       for (int j = 0; j < 3; j++) t[i][j] = A[i][0] * b[at[0][j]] + A[i][1] * b[at[1][j]] + A[i][2] * b[at[2][j]];
     const auto component = [&](int i, int j) { return t[i][0] * A[j][0] + t[i][1] * A[j][1] + t[i][2] * A[j][2]; };
-    store<T>(strain, component(0, 0));
-    store<T>(strain + row, component(1, 1));
-    store<T>(strain + 2 * row, component(2, 2));
-    store<T>(strain + 3 * row, component(0, 1));
-    store<T>(strain + 4 * row, component(0, 2));
-    store<T>(strain + 5 * row, component(1, 2));
+    store<V>(strain, component(0, 0));
+    store<V>(strain + row, component(1, 1));
+    store<V>(strain + 2 * row, component(2, 2));
+    store<V>(strain + 3 * row, component(0, 1));
+    store<V>(strain + 4 * row, component(0, 2));
+    store<V>(strain + 5 * row, component(1, 2));
   } else {  // xx yy zz xy; zz does not change in plane strain
-    const Tile<T> xx = load<T>(strain), yy = load<T>(strain + row), xy = load<T>(strain + 3 * row);
-    const Tile<T> t00 = A[0][0] * xx + A[0][1] * xy, t01 = A[0][0] * xy + A[0][1] * yy;
-    const Tile<T> t10 = A[1][0] * xx + A[1][1] * xy, t11 = A[1][0] * xy + A[1][1] * yy;
-    store<T>(strain, t00 * A[0][0] + t01 * A[0][1]);
-    store<T>(strain + row, t10 * A[1][0] + t11 * A[1][1]);
-    store<T>(strain + 3 * row, t00 * A[1][0] + t01 * A[1][1]);
+    const V xx = load<V>(strain), yy = load<V>(strain + row), xy = load<V>(strain + 3 * row);
+    const V t00 = A[0][0] * xx + A[0][1] * xy, t01 = A[0][0] * xy + A[0][1] * yy;
+    const V t10 = A[1][0] * xx + A[1][1] * xy, t11 = A[1][0] * xy + A[1][1] * yy;
+    store<V>(strain, t00 * A[0][0] + t01 * A[0][1]);
+    store<V>(strain + row, t10 * A[1][0] + t11 * A[1][1]);
+    store<V>(strain + 3 * row, t00 * A[1][0] + t01 * A[1][1]);
   }
 }
 
 /// F <- A F. 2D: F is 00 01 10 11 22, and 22 does not change.
-template <class T, int D>
-CLEAVE_INLINE void update_F(char* strain, const Tile<T> (&A)[D][D]) {
+template <class V, int D>
+CLEAVE_INLINE void update_F(char* strain, const V (&A)[D][D]) {
   constexpr std::uint32_t row = CLEAVE_TILE_BYTES;
   for (int j = 0; j < D; j++) {
-    Tile<T> f[D];
-    for (int i = 0; i < D; i++) f[i] = load<T>(strain + (D * i + j) * row);
+    V f[D];
+    for (int i = 0; i < D; i++) f[i] = load<V>(strain + (D * i + j) * row);
     for (int i = 0; i < D; i++) {
-      Tile<T> sum = A[i][0] * f[0];
+      V sum = A[i][0] * f[0];
       for (int a = 1; a < D; a++) sum += A[i][a] * f[a];
-      store<T>(strain + (D * i + j) * row, sum);
+      store<V>(strain + (D * i + j) * row, sum);
     }
   }
 }
 
-template <class T, int D>
-CLEAVE_INLINE Tile<T> determinant(const Tile<T> (&A)[D][D]) {
+template <class V, int D>
+CLEAVE_INLINE V determinant(const V (&A)[D][D]) {
   if constexpr (D == 3)
     return A[0][0] * (A[1][1] * A[2][2] - A[1][2] * A[2][1]) - A[0][1] * (A[1][0] * A[2][2] - A[1][2] * A[2][0]) +
            A[0][2] * (A[1][0] * A[2][1] - A[1][1] * A[2][0]);
@@ -144,35 +149,35 @@ CLEAVE_INLINE Tile<T> determinant(const Tile<T> (&A)[D][D]) {
     return A[0][0] * A[1][1] - A[0][1] * A[1][0];
 }
 
-template <class T, int D>
-CLEAVE_INLINE void update_strain(const ParticleView& set, char* tile, const Tile<T> (&A)[D][D]) {
+template <class V, int D>
+CLEAVE_INLINE void update_strain(const ParticleView& set, char* tile, const V (&A)[D][D]) {
   if (set.stores_b)
-    update_b<T, D>(tile + set.strain, A);
+    update_b<V, D>(tile + set.strain, A);
   else
-    update_F<T, D>(tile + set.strain, A);
+    update_F<V, D>(tile + set.strain, A);
 }
 
 /// The same, but points with d >= saturated_damage are not stretched beyond tr b = largest_broken_stretch, nor turned inside
 /// out: nothing holds them, and det b of six rounded numbers would soon be lost.
-template <class T, int D>
-__attribute__((noinline)) void update_broken(const ParticleView& set, char* tile, const Tile<T> (&A)[D][D]) {
+template <class V, int D>
+__attribute__((noinline)) void update_broken(const ParticleView& set, char* tile, const V (&A)[D][D]) {
   constexpr int most = D == 3 ? 9 : 5;
   const int components = D == 3 ? (set.stores_b ? 6 : 9) : (set.stores_b ? 4 : 5);
-  Tile<T> before[most];
+  V before[most];
   const auto row = [&](int c) { return tile + set.strain + c * CLEAVE_TILE_BYTES; };
-  for (int c = 0; c < components; c++) before[c] = load<T>(row(c));
-  update_strain<T, D>(set, tile, A);
+  for (int c = 0; c < components; c++) before[c] = load<V>(row(c));
+  update_strain<V, D>(set, tile, A);
   const auto stretch = [&](auto&& component) {
-    Tile<T> sum{};
+    V sum{};
     for (int c = 0; c < (set.stores_b ? 3 : components); c++) sum += set.stores_b ? component(c) : component(c) * component(c);
     return sum;
   };
-  const Tile<T> now = stretch([&](int c) { return load<T>(row(c)); }), then = stretch([&](int c) { return before[c]; });
-  auto kept = (now > T(largest_broken_stretch)) & (now > then);
-  if (set.detect_inversion) kept |= ~(determinant<T, D>(A) > T(0));
-  kept &= load<T>(tile + set.damage) >= T(saturated_damage);
+  const V now = stretch([&](int c) { return load<V>(row(c)); }), then = stretch([&](int c) { return before[c]; });
+  TileMask<V> kept = (now > NumberOf<V>(largest_broken_stretch)) & (now > then);
+  if (set.detect_inversion) kept |= ~(determinant<V, D>(A) > NumberOf<V>(0));
+  kept &= load<V>(tile + set.damage) >= NumberOf<V>(saturated_damage);
   if (!any(kept)) return;
-  for (int c = 0; c < components; c++) store<T>(row(c), select<T>(kept, before[c], load<T>(row(c))));
+  for (int c = 0; c < components; c++) store<V>(row(c), select<V>(kept, before[c], load<V>(row(c))));
 }
 
 template <class T, int D>
@@ -186,11 +191,12 @@ void grid_to_particle(const ParticleView& set, const BlockView& block, const Ste
   const bool flip = step.scheme == TransferScheme::flip, apic = step.scheme == TransferScheme::apic;
   load_arena<T, D>(static_cast<const T*>(step.grid), block, s.gather_arena);
   if (flip) load_arena<T, D>(static_cast<const T*>(step.grid_before), block, s.before_arena);
-  const Tile<T> dt = everywhere(T(step.time_step)), to_cells = everywhere(T(step.time_step / step.cell_size)),
-                gradient = everywhere(T(4 / step.cell_size)), ratio = everywhere(T(step.flip_ratio));
+  using V = Part<T>;
+  const V dt = everywhere<V>(T(step.time_step)), to_cells = everywhere<V>(T(step.time_step / step.cell_size)),
+          gradient = everywhere<V>(T(4 / step.cell_size)), ratio = everywhere<V>(T(step.flip_ratio));
   constexpr T low = T(-0.5), high = T(GridShape<D>::block_edge + 1.5);
-  Tile<T> fastest{};
-  TileMask<T> strayed{}, broken{}, inverted{};
+  V fastest{};
+  TileMask<V> strayed{}, broken{}, inverted{};
   for_chunks<T>(
       set, block, [&](const Chunk& chunk) __attribute__((always_inline)) {
         const std::uint64_t first = chunk.first;
@@ -203,58 +209,60 @@ void grid_to_particle(const ParticleView& set, const BlockView& block, const Ste
         for (int k = 0; k < chunk.tiles; k++) {
           char* tile = set.tiles + (first + k) * set.stride;
           const T* w = s.weights + k * (W::count * lanes);
-          T* rows = s.rows;
-          records_to_lanes<T, quads>(s.records + k * lanes * record_size, rows);
-          Tile<T> v[D], A[D][D];
-          for (int i = 0; i < D; i++) v[i] = load<T>(rows + (1 + i) * lanes);
-          for (int a = 0; a < D; a++) {
-            const Tile<T> offset = load<T>(w + (W::offset + a) * lanes);
-            for (int i = 0; i < D; i++) A[i][a] = gradient * (load<T>(rows + (5 + 4 * a + i) * lanes) + offset * v[i]);
-          }
-          for (int i = 0; i < D; i++)
-            for (int a = 0; a < D; a++) store<T>(tile + set.affine + (D * i + a) * row, apic ? A[i][a] : Tile<T>{});
-          for (int i = 0; i < D; i++) {
-            char* position = tile + set.position + i * row;
-            const Tile<T> x = load<T>(position) + to_cells * v[i];
-            store<T>(position, x);
-            strayed |= (x < low) | (x >= high);
-            const Tile<T> speed = magnitude<T>(v[i]);
-            fastest = maximum<T>(speed, fastest);
-            broken |= ~(speed < T(1e18));
-          }
-          if (flip) {
-            records_to_lanes<T, quads>(s.before_records + k * lanes * record_size, s.before_rows);
-            for (int i = 0; i < D; i++) {
-              char* velocity = tile + set.velocity + i * row;
-              const Tile<T> change = v[i] - load<T>(s.before_rows + (1 + i) * lanes);
-              store<T>(velocity, v[i] + ratio * (load<T>(velocity) + change - v[i]));
+          records_to_lanes<T, quads>(s.records + k * lanes * record_size, s.rows);
+          if (flip) records_to_lanes<T, quads>(s.before_records + k * lanes * record_size, s.before_rows);
+          for (int lane = 0; lane < lanes; lane += V::lanes, tile += sizeof(V), w += V::lanes) {
+            const T *rows = s.rows + lane, *before_rows = s.before_rows + lane;
+            V v[D], A[D][D];
+            for (int i = 0; i < D; i++) v[i] = load<V>(rows + (1 + i) * lanes);
+            for (int a = 0; a < D; a++) {
+              const V offset = load<V>(w + (W::offset + a) * lanes);
+              for (int i = 0; i < D; i++) A[i][a] = gradient * (load<V>(rows + (5 + 4 * a + i) * lanes) + offset * v[i]);
             }
-          } else {
-            for (int i = 0; i < D; i++) store<T>(tile + set.velocity + i * row, v[i]);
-          }
-          for (int i = 0; i < D; i++)
-            for (int a = 0; a < D; a++) A[i][a] = dt * A[i][a] + T(i == a ? 1 : 0);
-          if (set.detect_inversion) {
-            auto turned = ~(determinant<T, D>(A) > T(0));
-            if (block.damaged) turned &= load<T>(tile + set.damage) < T(saturated_damage);
-            inverted |= turned;
-          }
-          if (block.damaged)
-            update_broken<T, D>(set, tile, A);
-          else
-            update_strain<T, D>(set, tile, A);
-          const auto trouble = broken | inverted;
-          if (__builtin_expect(any(trouble), 0) && report.slot == ~0ull)
-            for (int l = 0; l < lanes; l++)
-              if (trouble[l]) {
-                report.slot = (first + k) * lanes + l;
-                break;
+            for (int i = 0; i < D; i++)
+              for (int a = 0; a < D; a++) store<V>(tile + set.affine + (D * i + a) * row, apic ? A[i][a] : V{});
+            for (int i = 0; i < D; i++) {
+              char* position = tile + set.position + i * row;
+              const V x = load<V>(position) + to_cells * v[i];
+              store<V>(position, x);
+              strayed |= (x < low) | (x >= high);
+              const V speed = magnitude<V>(v[i]);
+              fastest = maximum<V>(speed, fastest);
+              broken |= ~(speed < T(1e18));
+            }
+            if (flip) {
+              for (int i = 0; i < D; i++) {
+                char* velocity = tile + set.velocity + i * row;
+                const V change = v[i] - load<V>(before_rows + (1 + i) * lanes);
+                store<V>(velocity, v[i] + ratio * (load<V>(velocity) + change - v[i]));
               }
+            } else {
+              for (int i = 0; i < D; i++) store<V>(tile + set.velocity + i * row, v[i]);
+            }
+            for (int i = 0; i < D; i++)
+              for (int a = 0; a < D; a++) A[i][a] = dt * A[i][a] + T(i == a ? 1 : 0);
+            if (set.detect_inversion) {
+              auto turned = ~(determinant<V, D>(A) > T(0));
+              if (block.damaged) turned &= load<V>(tile + set.damage) < T(saturated_damage);
+              inverted |= turned;
+            }
+            if (block.damaged)
+              update_broken<V, D>(set, tile, A);
+            else
+              update_strain<V, D>(set, tile, A);
+            const auto trouble = broken | inverted;
+            if (__builtin_expect(any(trouble), 0) && report.slot == ~0ull)
+              for (int l = 0; l < V::lanes; l++)
+                if (trouble[l]) {
+                  report.slot = (first + k) * lanes + lane + l;
+                  break;
+                }
+          }
         }
         if (set.plasticity.function)
           evaluate<T>(set.plasticity, LawKind::plasticity, set, first, count, step.time_step, s.stress, s.status, report);
       });
-  for (int l = 0; l < lanes; l++)
+  for (int l = 0; l < V::lanes; l++)
     if (double(fastest[l]) > report.maximum_speed) report.maximum_speed = double(fastest[l]);
   report.strayed = report.strayed || any(strayed);
   report.not_finite = report.not_finite || any(broken);
