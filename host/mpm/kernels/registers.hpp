@@ -78,9 +78,18 @@ struct Registers {
     return map(
         [](R x) __attribute__((always_inline)) { return ~x; }, a);
   }
-  CLEAVE_INLINE Registers& operator+=(const Registers& b) { return *this = *this + b; }
-  CLEAVE_INLINE Registers& operator-=(const Registers& b) { return *this = *this - b; }
-  CLEAVE_INLINE Registers& operator*=(const Registers& b) { return *this = *this * b; }
+  template <class Other>
+  CLEAVE_INLINE Registers& operator+=(const Other& b) {
+    return *this = *this + b;
+  }
+  template <class Other>
+  CLEAVE_INLINE Registers& operator-=(const Other& b) {
+    return *this = *this - b;
+  }
+  template <class Other>
+  CLEAVE_INLINE Registers& operator*=(const Other& b) {
+    return *this = *this * b;
+  }
   CLEAVE_INLINE Registers& operator&=(const Registers& b) { return *this = *this & b; }
   CLEAVE_INLINE Registers& operator|=(const Registers& b) { return *this = *this | b; }
   CLEAVE_INLINE Number operator[](int lane) const { return r[lane / each][lane % each]; }
