@@ -1,0 +1,52 @@
+#pragma once
+
+#include "mpm/time_step.hpp"
+
+#include <cstdint>
+#include <functional>
+#include <optional>
+#include <string>
+
+namespace cleave::mpm {
+
+/// How often the solve of an implicit step went over all particles.
+struct SolveWork {
+  std::int64_t evaluations = 0;  ///< of the incremental potential and its gradient
+  std::int64_t products = 0;     ///< with its Hessian
+  std::int64_t tangents = 0;     ///< for preconditioners
+};
+
+/// What an implicit step costs, in symplectic steps of the same scene.
+double implicit_cost(const SolveWork&);
+
+/// The choice of integrator = "auto": the integrator that is predicted to cost less per simulated second. The unit is a
+/// symplectic step. It hangs on counts alone, never on a clock, so that a scene takes the same steps wherever it runs.
+///
+/// What an implicit step costs is known once one has been solved for. Those that are taken tell; while steps are symplectic, a
+/// trial tells from time to time, which leaves no trace. Trials cost at most a twentieth of the steps between them.
+/// Implicit steps have to be a quarter cheaper to be chosen, and are kept until they are dearer.
+class IntegratorChoice {
+ public:
+  /// The largest step that each integrator can take from the present state.
+  struct Steps {
+    Bound symplectic, implicit;
+  };
+  /// Solves for an implicit step from the present state, and gives up, with no result, where it would cost more than `most`.
+  using Trial = std::function<std::optional<SolveWork>(double most)>;
+
+  /// Chooses for the next step. Says what and why the first time and whenever that changes.
+  std::optional<std::string> choose(const Steps&, const Trial&);
+  bool implicit() const { return implicit_; }
+
+  void took_symplectic_step() { since_trial_++; }
+  void took_implicit_step(const SolveWork&, double time_step);
+
+ private:
+  void add(double cost, double time_step);
+
+  bool implicit_ = false, told_ = false;
+  double since_trial_ = 0, wait_ = 0;  ///< symplectic steps
+  double cost_ = 0, seconds_ = 0;      ///< of implicit steps, sums that forget
+};
+
+}  // namespace cleave::mpm
