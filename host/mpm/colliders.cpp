@@ -96,6 +96,25 @@ void Colliders<T, D>::apply(Grid<T, D>& grid, double time, std::vector<HeldNode>
 }
 
 template <class T, int D>
+std::vector<ContactNode> Colliders<T, D>::contacts(const Grid<T, D>& grid, double time) const {
+  std::vector<ContactNode> all;
+  for (const auto& c : colliders_) {
+    const bool at_rest = c.spec.motion.at_rest();
+    const auto pose = at_rest ? scene::RigidMotion::Pose{} : c.spec.motion.at(time);
+    std::vector<Contact> moving;
+    if (!at_rest) moving = find_contacts(grid, c, pose);
+    for (const Contact& contact : at_rest ? c.at_rest : moving) {
+      if (!(grid.node(contact.node)[0] > 0)) continue;
+      Vector3 wall = Vector3::Zero();
+      if (!at_rest) wall = pose.velocity_at(grid.node_coordinates(contact.node).template cast<double>() * cell_size_);
+      if constexpr (D == 2) wall.z() = 0;
+      all.push_back({contact.node, contact.normal, wall, c.spec.contact, c.spec.friction});
+    }
+  }
+  return all;
+}
+
+template <class T, int D>
 double Colliders<T, D>::maximum_speed(double time) const {
   double fastest = 0;
   for (const auto& c : colliders_) {

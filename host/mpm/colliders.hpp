@@ -22,6 +22,15 @@ struct HeldNode {
   Vector3 normal;
 };
 
+/// A grid node with mass inside a collider.
+struct ContactNode {
+  std::size_t node;
+  Vector3 normal;    ///< outwards; zero: there is no direction to go
+  Vector3 velocity;  ///< of the collider there
+  config::Contact contact;
+  double friction;
+};
+
 /// Boundary conditions of the scene's colliders on the grid velocities.
 template <class T, int D>
 class Colliders {
@@ -33,6 +42,8 @@ class Colliders {
   /// Corrects velocities after the grid update; `time` is the end of the step. Adds the nodes they hold to `held` if that is
   /// given: all of sticky and slip contacts, of the others those that moved inwards.
   void apply(Grid<T, D>&, double time, std::vector<HeldNode>* held = nullptr) const;
+  /// The nodes that `apply` would correct, collider by collider.
+  std::vector<ContactNode> contacts(const Grid<T, D>&, double time) const;
   /// Fastest speed (m/s) of a moving collider's surface near the scene, for the step size.
   double maximum_speed(double time) const;
 

@@ -5,6 +5,7 @@
 #include "plugins/elastic_probe.hpp"
 
 #include <fmt/format.h>
+#include <fmt/ranges.h>
 
 #include <cmath>
 #include <type_traits>
@@ -27,6 +28,15 @@ std::vector<cleave_component> strain_components(const TileLayout& l, int dimensi
   const auto at = [&](int i) { return cleave_component{0, l.strain + std::uint32_t(i) * row}; };
   if (l.stores_b) return {at(0), at(1), at(2), at(3), absent, absent};
   return {at(0), at(1), absent, at(2), at(3), absent, absent, absent, at(4)};
+}
+
+/// A matrix as nine components over rows; in two dimensions its block 00 01 10 11 is there, 22 may be, and the rest is absent.
+std::vector<cleave_component> matrix_components(std::uint32_t stream, int first_row, int dimension, cleave_component absent,
+                                                cleave_component last) {
+  const std::uint32_t offset = std::uint32_t(first_row) * row;
+  if (dimension == 3) return rows(stream, offset, 9);
+  const auto at = [&](std::uint32_t i) { return cleave_component{stream, offset + i * row}; };
+  return {at(0), at(1), absent, at(2), at(3), absent, absent, absent, last};
 }
 
 bool reads_strain(const plugins::Instance& law) { return law.can(CLEAVE_ACCEPTS_B) || law.can(CLEAVE_ACCEPTS_F); }
@@ -74,7 +84,10 @@ Material::Material(const config::Material& m, plugins::Registry& registry, int d
       energy_{layout_.stride, 2 * row, 0},
       wave_modulus_{layout_.stride, 2 * row, 0},
       damage_inputs_{layout_.stride, stress_rows * row, 0},
-      driving_force_{layout_.stride, stress_rows * row, 0} {
+      driving_force_{layout_.stride, stress_rows * row, 0},
+      implicit_response_{layout_.stride, implicit_rows * row, 0,
+                         std::uint32_t(dimension == 3 ? deformation_rows<3> : deformation_rows<2>) * row},
+      implicit_differential_(implicit_response_) {
   for (const auto* law : {&plasticity_, &damage_})
     if (*law) states_.insert(states_.end(), law->description().states.begin(), law->description().states.end());
   detects_inversion_ = !elasticity_.can(CLEAVE_INVERSION_SAFE);
@@ -95,6 +108,7 @@ Material::Material(const config::Material& m, plugins::Registry& registry, int d
   if (damage_)
     for (LawLayout* layout : {&energy_, &wave_modulus_}) layout->add(CLEAVE_FIELD_DEGRADATION, rows(1, row, 1));
   wave_modulus_.add(CLEAVE_FIELD_WAVE_MODULUS, rows(1, 0, 1));
+  lay_out_implicit_laws();
   if (plasticity_) {
     add_inputs(return_mapping_, plasticity_);
     return_mapping_.add(layout_.stores_b ? CLEAVE_FIELD_B_OUT : CLEAVE_FIELD_F_OUT,
@@ -127,6 +141,28 @@ Material::Material(const config::Material& m, plugins::Registry& registry, int d
       driving_force_.add(CLEAVE_FIELD_DRIVING_FORCE, rows(1, driving_force_row * row, 1));
     state(driving_force_, damage_, state_components(plasticity_));
   }
+}
+
+void Material::lay_out_implicit_laws() {
+  constexpr cleave_component discarded{1, implicit_discarded_row * row};
+  const auto deformation = matrix_components(3, 0, dimension_, zero, {3, 4 * row});
+  const auto stress = matrix_components(1, 0, dimension_, discarded, discarded);
+  for (LawLayout* layout : {&implicit_response_, &implicit_differential_}) {
+    add_fibers(*layout, elasticity_);
+    if (damage_) layout->add(CLEAVE_FIELD_DEGRADATION, rows(1, implicit_degradation_row * row, 1));
+  }
+  if (response_takes_b())
+    implicit_response_.add(CLEAVE_FIELD_B, rows(1, implicit_b_row * row, 6));
+  else
+    implicit_response_.add(CLEAVE_FIELD_F, deformation);
+  if (gives_piola())
+    implicit_response_.add(CLEAVE_FIELD_PIOLA, stress);
+  else
+    implicit_response_.add(CLEAVE_FIELD_TAU, rows(1, 0, 6));
+  if (gives_energy()) implicit_response_.add(CLEAVE_FIELD_ENERGY, rows(1, implicit_energy_row * row, 1));
+  implicit_differential_.add(CLEAVE_FIELD_F, deformation);
+  implicit_differential_.add(CLEAVE_FIELD_DELTA_F, matrix_components(1, implicit_delta_row, dimension_, zero, zero));
+  implicit_differential_.add(CLEAVE_FIELD_DELTA_P, stress);
 }
 
 void Material::check_damage_model(const config::Material& m) const {
@@ -168,7 +204,16 @@ std::vector<std::string> unsupported(const config::Scene& scene, const plugins::
       if (needs_F && (law.capabilities & any_strain) == CLEAVE_ACCEPTS_B)
         problem(law.use->where, law.description->id + " accepts only b, but " + needs_F->id + " needs F");
     const auto* elasticity = registry.find(m.elasticity.id);
-    if (elasticity && !scene.simulation.time_step && !elasticity->can(CLEAVE_HAS_WAVE_MODULUS))
+    const bool implicit = scene.simulation.integrator == config::Integrator::implicit;
+    if (elasticity && implicit && !elasticity->can(CLEAVE_HAS_TANGENT)) {
+      std::vector<std::string> able;
+      for (const auto& id : registry.ids(plugins::Kind::elasticity))
+        if (const auto* law = registry.find(id); law && law->can(CLEAVE_HAS_TANGENT)) able.push_back(id);
+      problem(m.elasticity.where, elasticity->id +
+                                      " declares no tangent, which simulation.integrator = \"implicit\" needs; laws that do: " +
+                                      fmt::format("{}", fmt::join(able, ", ")));
+    }
+    if (elasticity && !implicit && !scene.simulation.time_step && !elasticity->can(CLEAVE_HAS_WAVE_MODULUS))
       problem(m.elasticity.where, elasticity->id +
                                       " declares no wave modulus, so no step size can be chosen: set simulation.time_step in "
                                       "seconds");
@@ -179,6 +224,10 @@ std::vector<std::string> unsupported(const config::Scene& scene, const plugins::
 void Material::add_inputs(LawLayout& l, const plugins::Instance& law) const {
   if (reads_strain(law))
     l.add(layout_.stores_b ? CLEAVE_FIELD_B : CLEAVE_FIELD_F, strain_components(layout_, dimension_, zero));
+  add_fibers(l, law);
+}
+
+void Material::add_fibers(LawLayout& l, const plugins::Instance& law) const {
   if (fibers_needed(law) > 0) l.add(CLEAVE_FIELD_FIBER, rows(0, layout_.fiber, 3));
   if (fibers_needed(law) > 1) l.add(CLEAVE_FIELD_SECOND_FIBER, rows(0, layout_.second_fiber, 3));
 }
@@ -210,6 +259,16 @@ BoundLaw Material::degraded_stress() const {
 }
 
 template <class T>
+BoundLaw Material::implicit_response() const {
+  return elastic<T>(implicit_response_);
+}
+
+template <class T>
+BoundLaw Material::implicit_differential() const {
+  return elastic<T>(implicit_differential_);
+}
+
+template <class T>
 BoundLaw Material::return_mapping() const {
   if (!plasticity_) return {};
   const auto& p = plasticity_.plasticity();
@@ -238,6 +297,10 @@ template BoundLaw Material::stress<float>() const;
 template BoundLaw Material::stress<double>() const;
 template BoundLaw Material::degraded_stress<float>() const;
 template BoundLaw Material::degraded_stress<double>() const;
+template BoundLaw Material::implicit_response<float>() const;
+template BoundLaw Material::implicit_response<double>() const;
+template BoundLaw Material::implicit_differential<float>() const;
+template BoundLaw Material::implicit_differential<double>() const;
 template BoundLaw Material::return_mapping<float>() const;
 template BoundLaw Material::return_mapping<double>() const;
 template BoundLaw Material::damage_inputs<float>() const;

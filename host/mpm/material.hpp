@@ -48,6 +48,16 @@ class Material {
   /// The damage law: driving force into row driving_force_row of the scratch, or damage in place.
   template <class T>
   BoundLaw driving_force() const;
+  /// Laws of implicit steps, with F at the end of the step as stream 3 (see ImplicitView): P or, where the law gives none, tau,
+  /// and the energy if there is one; and dP.
+  template <class T>
+  BoundLaw implicit_response() const;
+  template <class T>
+  BoundLaw implicit_differential() const;
+  bool gives_piola() const { return elasticity_.can(CLEAVE_HAS_PIOLA); }
+  bool gives_energy() const { return elasticity_.can(CLEAVE_HAS_ENERGY); }
+  /// The response is of b alone: the law gives no P and takes no F.
+  bool response_takes_b() const { return !gives_piola() && !elasticity_.can(CLEAVE_ACCEPTS_F); }
   /// Evaluations outside the step; scratch is stream 1, two rows per tile: the result, and g of materials with damage.
   enum class Measure { energy, wave_modulus };
   template <class T>
@@ -56,6 +66,8 @@ class Material {
  private:
   void check_damage_model(const config::Material&) const;
   void add_inputs(LawLayout&, const plugins::Instance&) const;
+  void add_fibers(LawLayout&, const plugins::Instance&) const;
+  void lay_out_implicit_laws();
   template <class T>
   BoundLaw elastic(const LawLayout&) const;
 
@@ -67,7 +79,8 @@ class Material {
   std::vector<plugins::State> states_;
   bool detects_inversion_ = false, has_damage_inputs_ = false;
   TileLayout layout_;
-  LawLayout stress_, degraded_stress_, return_mapping_, energy_, wave_modulus_, damage_inputs_, driving_force_;
+  LawLayout stress_, degraded_stress_, return_mapping_, energy_, wave_modulus_, damage_inputs_, driving_force_,
+      implicit_response_, implicit_differential_;
 };
 
 }  // namespace cleave::mpm

@@ -7,6 +7,7 @@
 #include "mpm/damage.hpp"
 #include "mpm/grid.hpp"
 #include "mpm/handles.hpp"
+#include "mpm/implicit.hpp"
 #include "mpm/law_watch.hpp"
 #include "mpm/material.hpp"
 #include "mpm/particles.hpp"
@@ -34,17 +35,21 @@ enum Stage {
   damage_stage,
   to_grid_stage,
   grid_stage,
+  implicit_stage,
   constraint_stage,
   to_particles_stage,
   bound_stage,
   stage_count
 };
-constexpr const char* stage_names[stage_count] = {
-    "sort", "damage", "particles to grid", "grid update", "constraint", "grid to particles", "step bounds"};
+constexpr const char* stage_names[stage_count] = {"sort",           "damage",     "particles to grid", "grid update",
+                                                  "implicit solve", "constraint", "grid to particles", "step bounds"};
 
 /// Elastic waves are measured every this many steps: they change by fractions of a percent from step to step, and the CFL
 /// number leaves a factor of two.
 constexpr int wave_interval = 8;
+
+/// An implicit step that is not solved for is taken in halves, down to this power of one half.
+constexpr int most_halvings = 5;
 
 /// Explicit damage whose steps are so many times smaller than those of elasticity is refused.
 constexpr double explicit_damage_limit = 1000;
@@ -73,6 +78,8 @@ class MpmSimulation final : public Simulation {
     for (const auto& m : materials_) reference_density_ = std::max(reference_density_, m->density());
     constants_.reserve(64);
     std::fill_n(reinterpret_cast<T*>(constants_.data()) + lanes, lanes, T(1));
+    if (scene.simulation.integrator == config::Integrator::implicit)
+      implicit_ = std::make_unique<ImplicitStep<T, D>>(scene.simulation.implicit, cell_size_, reference_density_);
     populate();
     sort();
     maximum_speed_ = 0;
@@ -81,7 +88,7 @@ class MpmSimulation final : public Simulation {
         for (int a = 0; a < D; a++)
           maximum_speed_ = std::max(maximum_speed_, std::abs(double(s->value(s->layout().velocity, a, slot))));
       });
-    if (!scene.simulation.time_step) measure_waves();
+    if (!scene.simulation.time_step && !implicit_) measure_waves();
     check_damage_step();
   }
 
@@ -98,7 +105,8 @@ class MpmSimulation final : public Simulation {
   std::vector<std::pair<std::string, double>> stage_seconds() const override {
     std::vector<std::pair<std::string, double>> r;
     for (int s = 0; s < stage_count; s++)
-      if (s != constraint_stage || constraints_) r.emplace_back(stage_names[s], stage_seconds_[s]);
+      if ((s != constraint_stage || constraints_) && (s != implicit_stage || implicit_))
+        r.emplace_back(stage_names[s], stage_seconds_[s]);
     return r;
   }
   std::vector<std::pair<std::string, std::int64_t>> integrators() const override {
@@ -129,16 +137,6 @@ class MpmSimulation final : public Simulation {
 
   /// Damage of F_n first, then forces with it, then momentum and strain.
   void advance(double dt) override {
-    StepView view;
-    view.time_step = dt;
-    view.cell_size = cell_size_;
-    view.force_scale = 4 * dt / (cell_size_ * reference_density_);
-    view.scheme = scene_.simulation.transfer == config::Transfer::apic  ? TransferScheme::apic
-                  : scene_.simulation.transfer == config::Transfer::pic ? TransferScheme::pic
-                                                                        : TransferScheme::flip;
-    view.flip_ratio = scene_.simulation.flip_ratio;
-    view.grid = grid_.data();
-
     drive_damage(dt);
     const int passes = any_evolution_ ? scene_.simulation.damage.passes : 1;
     std::vector<Buffer> start;
@@ -149,12 +147,48 @@ class MpmSimulation final : public Simulation {
         restore(start);
       }
       evolve_damage(dt);
-      particles_to_grid(view);
-      update_grid(view);
-      if (constraints_) apply_constraints(dt);
-      grid_to_particles(view, pass + 1 < passes);
+      if (implicit_)
+        move_implicitly(time_, dt, pass + 1 < passes, passes == 1 ? most_halvings : 0);
+      else
+        move(dt, pass + 1 < passes);
     }
-    integrators_["symplectic"]++;
+    integrators_[implicit_ ? "implicit" : "symplectic"]++;
+  }
+
+  void move(double dt, bool trial) {
+    StepView view = step_view(time_, dt);
+    particles_to_grid(view, true);
+    update_grid(view);
+    if (constraints_) apply_constraints(view);
+    grid_to_particles(view, trial);
+  }
+
+  /// With velocities that are solved for, in two halves where there is no solution. Solving moves no particle.
+  void move_implicitly(double start, double dt, bool trial, int halvings) {
+    StepView view = step_view(start, dt);
+    particles_to_grid(view, false);
+    if (!solve_grid(view, halvings == 0)) {
+      move_implicitly(start, dt / 2, trial, halvings - 1);
+      if (needs_sort_) sort();
+      move_implicitly(start + dt / 2, dt / 2, trial, halvings - 1);
+      return;
+    }
+    if (constraints_) apply_constraints(view);
+    grid_to_particles(view, trial);
+  }
+
+  StepView step_view(double start, double dt) const {
+    StepView view;
+    view.start = start;
+    view.time_step = dt;
+    view.cell_size = cell_size_;
+    view.force_scale = 4 * dt / (cell_size_ * reference_density_);
+    view.scheme = scene_.simulation.transfer == config::Transfer::apic  ? TransferScheme::apic
+                  : scene_.simulation.transfer == config::Transfer::pic ? TransferScheme::pic
+                                                                        : TransferScheme::flip;
+    view.flip_ratio = scene_.simulation.flip_ratio;
+    view.grid = grid_.data();
+    return view;
   }
 
   /// What the particles that have damage are, apart from where they are stored: trials move only these.
@@ -177,9 +211,13 @@ class MpmSimulation final : public Simulation {
   void store(std::size_t material, std::vector<SampledBody>&);
   void sort();
   void measure_waves();
-  void particles_to_grid(StepView&);
+  void particles_to_grid(StepView&, bool stress);
   void update_grid(const StepView&);
-  void apply_constraints(double dt);
+  void add_gravity(double dt);
+  void hold_handles(const StepView&, std::vector<HeldNode>*);
+  /// Velocities at the end of an implicit step. Returns false if there is no solution, or throws if none `has_to` be left.
+  bool solve_grid(const StepView&, bool has_to);
+  void apply_constraints(const StepView&);
   /// A trial leaves particles that have no damage where they are.
   void grid_to_particles(const StepView&, bool trial);
   static const plugins::Instance& failed_law(const Material& m, const BlockReport& r) {
@@ -245,8 +283,10 @@ class MpmSimulation final : public Simulation {
   Grid<T, D> grid_;
   Colliders<T, D> colliders_;
   Handles<T, D> handles_;
-  std::unique_ptr<Constraints<T, D>> constraints_;  // null if no material has one
-  std::vector<HeldNode> held_nodes_;                // in this step, kept for constraints only
+  std::unique_ptr<ImplicitStep<T, D>> implicit_;                                      // null if steps are symplectic
+  std::int64_t implicit_solves_ = 0, newton_iterations_ = 0, linear_iterations_ = 0;  // since the last record
+  std::unique_ptr<Constraints<T, D>> constraints_;                                    // null if no material has one
+  std::vector<HeldNode> held_nodes_;                                                  // in this step, kept for constraints only
   Buffer constants_;
   tbb::enumerable_thread_specific<Buffer> scratch_;
 
@@ -472,8 +512,10 @@ Bound MpmSimulation<T, D>::largest_step() {
   if (sim.time_step) {
     consider(*sim.time_step, "fixed");
   } else {
-    if (steps_ - waves_at_ >= wave_interval) measure_waves();
-    consider(wave_step_, "elastic wave");
+    if (!implicit_) {
+      if (steps_ - waves_at_ >= wave_interval) measure_waves();
+      consider(wave_step_, "elastic wave");
+    }
     const double speed = std::max({maximum_speed_, colliders_.maximum_speed(time_), handles_.maximum_speed(time_)});
     // a particle moves less than half a cell; gravity alone may still speed it up during the step
     const double g = sim.gravity.norm(), half = 0.5 * cell_size_;
@@ -548,12 +590,12 @@ void MpmSimulation<T, D>::check_damage_step() {
 // ------------------------------------------------------------------------------------------------- a step
 
 template <class T, int D>
-void MpmSimulation<T, D>::particles_to_grid(StepView& step) {
+void MpmSimulation<T, D>::particles_to_grid(StepView& step, bool stress) {
   Timer timer(*this, to_grid_stage);
   const bool flip = step.scheme == TransferScheme::flip;
   const T no_change[3] = {};
   for (int pass = flip ? 0 : 1; pass < 2; pass++) {
-    step.stress = pass == 1;
+    step.stress = stress && pass == 1;
     step.grid = pass == 1 ? grid_.data() : grid_.before();
     grid_.clear(static_cast<T*>(step.grid));
     for (std::size_t s = 0; s < sets_.size(); s++) {
@@ -578,33 +620,67 @@ void MpmSimulation<T, D>::particles_to_grid(StepView& step) {
 }
 
 template <class T, int D>
-void MpmSimulation<T, D>::update_grid(const StepView& step) {
-  Timer timer(*this, grid_stage);
+void MpmSimulation<T, D>::add_gravity(double dt) {
   T change[3];
-  for (int a = 0; a < 3; a++) change[a] = a < D ? T(scene_.simulation.gravity[a] * step.time_step) : T(0);
+  for (int a = 0; a < 3; a++) change[a] = a < D ? T(scene_.simulation.gravity[a] * dt) : T(0);
   tbb::parallel_for(tbb::blocked_range<std::size_t>(0, grid_.blocks(), 64),
                     [&](const auto& range) { kernels_.grid_update(grid_.data(), range.begin(), range.end(), change); });
-  std::vector<HeldNode>* const held = constraints_ ? &held_nodes_ : nullptr;
-  held_nodes_.clear();
-  if (handles_.any()) {
-    std::vector<double> densities;
-    for (auto m : set_material_) densities.push_back(materials_[m]->density() / reference_density_);
-    handles_.apply(grid_, std::as_const(*this).sets(), densities, time_, step.time_step, held);
-  }
-  colliders_.apply(grid_, time_ + step.time_step, held);
 }
 
 template <class T, int D>
-void MpmSimulation<T, D>::apply_constraints(double dt) {
+void MpmSimulation<T, D>::hold_handles(const StepView& step, std::vector<HeldNode>* held) {
+  if (!handles_.any()) return;
+  std::vector<double> densities;
+  for (auto m : set_material_) densities.push_back(materials_[m]->density() / reference_density_);
+  handles_.apply(grid_, std::as_const(*this).sets(), densities, step.start, step.time_step, held);
+}
+
+template <class T, int D>
+void MpmSimulation<T, D>::update_grid(const StepView& step) {
+  Timer timer(*this, grid_stage);
+  add_gravity(step.time_step);
+  std::vector<HeldNode>* const held = constraints_ ? &held_nodes_ : nullptr;
+  held_nodes_.clear();
+  hold_handles(step, held);
+  colliders_.apply(grid_, step.start + step.time_step, held);
+}
+
+template <class T, int D>
+bool MpmSimulation<T, D>::solve_grid(const StepView& step, bool has_to) {
+  Timer timer(*this, implicit_stage);
+  add_gravity(step.time_step);
+  std::vector<typename ImplicitStep<T, D>::Part> parts;
+  for (std::size_t s = 0; s < sets_.size(); s++) parts.push_back({sets_[s].get(), view(s), materials_[set_material_[s]].get()});
+  held_nodes_.clear();
+  hold_handles(step, &held_nodes_);
+  auto boundary = ImplicitBoundary<T, D>(held_nodes_, colliders_.contacts(grid_, step.start + step.time_step), grid_.data());
+  const auto outcome = implicit_->solve(grid_, parts, boundary, step.time_step, scene_.simulation.gravity * step.time_step,
+                                        std::numeric_limits<double>::infinity());
+  held_nodes_ = boundary.held();
+  implicit_solves_++;
+  newton_iterations_ += outcome.newton_iterations;
+  linear_iterations_ += outcome.linear_iterations;
+  if (outcome.solved || !has_to) return outcome.solved;
+  const std::string what = "implicit step: " + outcome.problem;
+  if (outcome.failed_law) fail(outcome.part, outcome.report, what.c_str());
+  throw SimulationError(
+      fmt::format("step {} at t = {:.6g} s, dt = {:.3g} s, {}, even with steps of {:.3g} s; give a smaller "
+                  "simulation.maximum_time_step, or "
+                  "more simulation.implicit.maximum_iterations",
+                  steps_, step.start, time_step_, what, step.time_step));
+}
+
+template <class T, int D>
+void MpmSimulation<T, D>::apply_constraints(const StepView& step) {
   Timer timer(*this, constraint_stage);
   try {
-    constraints_->project(grid_, std::as_const(*this).sets(), held_nodes_, dt);
+    constraints_->project(grid_, std::as_const(*this).sets(), held_nodes_, step.time_step);
   } catch (const SimulationError& e) {
     throw SimulationError(
         fmt::format("step {} at t = {:.6g} s, dt = {:.3g} s, constraint: {}", steps_, time_, time_step_, e.what()));
   }
   // A constraint may push what was about to leave a collider into it.
-  colliders_.apply(grid_, time_ + dt);
+  colliders_.apply(grid_, step.start + step.time_step);
 }
 
 template <class T, int D>
@@ -632,7 +708,7 @@ void MpmSimulation<T, D>::grid_to_particles(const StepView& step, bool trial) {
     }
     check(reports, s, "grid to particles");
   }
-  if (handles_.any() && handles_.move(moved, held, time_, step.time_step)) needs_sort_ = true;
+  if (handles_.any() && handles_.move(moved, held, step.start, step.time_step)) needs_sort_ = true;
 }
 
 // ------------------------------------------------------------------------------------------------- failure
@@ -932,6 +1008,10 @@ output::FrameRecord MpmSimulation<T, D>::measure() {
     const auto statistics = constraints_->take_statistics();
     if (statistics.projections) r.constraint_iterations = double(statistics.iterations) / double(statistics.projections);
     r.constraint_residual = statistics.largest_residual;
+  }
+  if (const auto solves_of_steps = double(std::exchange(implicit_solves_, 0)); solves_of_steps > 0) {
+    r.newton_iterations = double(std::exchange(newton_iterations_, 0)) / solves_of_steps;
+    r.linear_iterations = double(std::exchange(linear_iterations_, 0)) / solves_of_steps;
   }
   if (unconverged && !std::exchange(warned_damage_, true))
     spdlog::warn(

@@ -85,12 +85,13 @@ struct BlockView {
 enum class TransferScheme : std::uint32_t { apic, pic, flip };
 
 struct StepView {
+  double start = 0;        ///< s
   double time_step = 0;    ///< s
   double cell_size = 0;    ///< m
   double force_scale = 0;  ///< 4 dt / (dx rho_ref): stress times rest volume in cells to momentum per cell of offset
   TransferScheme scheme = TransferScheme::apic;
   double flip_ratio = 0;
-  bool stress = true;                 ///< false: scatter mass and momentum alone (FLIP's reference velocity)
+  bool stress = true;                 ///< false: scatter mass and momentum alone (FLIP's reference velocity, implicit steps)
   void* grid = nullptr;               ///< block_nodes * 4 numbers per block
   const void* grid_before = nullptr;  ///< FLIP: velocities before forces
 };
@@ -168,6 +169,64 @@ struct DamageKernelSet {
 /// Of the same shared object.
 DamageKernelSet damage_kernels();
 
+/// Rows of F at the end of a step, per tile: 3D all of it row-major, 2D 00 01 10 11 22.
+template <int D>
+inline constexpr int deformation_rows = D == 3 ? 9 : 5;
+/// Components of the spatial tangent a_iakb, symmetric under ia <-> kb: the upper triangle by rows.
+template <int D>
+inline constexpr int tangent_numbers = D == 3 ? 45 : 10;
+/// Numbers of a node's diagonal block: its upper triangle by rows, padded.
+inline constexpr int diagonal_numbers = 8;
+
+/// Rows of the implicit kernels' scratch per tile: P, dP or tau; dF (or A, for laws without P); b, for laws that take nothing
+/// else; energy; degradation; one for writes that nobody reads.
+inline constexpr int implicit_delta_row = 9;
+inline constexpr int implicit_b_row = 18;
+inline constexpr int implicit_energy_row = 24;
+inline constexpr int implicit_degradation_row = 25;
+inline constexpr int implicit_discarded_row = 26;
+inline constexpr int implicit_rows = 27;
+
+/// The elastic law of one material in a step of backward Euler. Streams 0 to 2 as for other laws, stream 3 is `deformation`.
+struct ImplicitView {
+  BoundLaw response;      ///< P or tau, and the energy if there is one, of F at the end of the step
+  BoundLaw differential;  ///< dP along dF there
+  bool piola = true;      ///< the response gives P, else tau
+  bool takes_b = false;   ///< the response is one of b
+  bool energy = true;
+  bool degraded = false;        ///< both read g
+  double time_step = 0;         ///< s
+  double cell_size = 0;         ///< m
+  double force_scale = 0;       ///< as of StepView
+  double energy_scale = 0;      ///< 1/rho_ref: energies are in J per rho_ref dx^d
+  char* deformation = nullptr;  ///< F at the end of the step, deformation_rows per tile
+};
+
+/// Steps of backward Euler; see implicit_kernels.cpp for the equations. Nodes are four numbers as on the grid; what comes out
+/// of `potential` and `product` is added to, with the mass first. Blocks of the same colour may run at once.
+template <class T, int D>
+struct ImplicitKernels {
+  std::size_t scratch_bytes = 0;  ///< per thread, 64-byte aligned, zero before first use
+  /// Energy of the block's particles and its gradient by the node velocities; leaves F at these velocities in the view.
+  void (*potential)(const ParticleView&, const BlockView&, const ImplicitView&, const T* velocity, T* gradient, void* scratch,
+                    BlockReport&, double& energy) = nullptr;
+  /// The Hessian at the F of the view times a direction.
+  void (*product)(const ParticleView&, const BlockView&, const ImplicitView&, const T* direction, T* out,
+                  void* scratch) = nullptr;
+  /// Adds the diagonal blocks of the Hessian to the nodes (diagonal_numbers each), and the sum of its tangents over the
+  /// particles of each half-edge octant of a grid block to octants[(block * 2^D + octant) * tangent_numbers].
+  void (*tangent)(const ParticleView&, const BlockView&, const ImplicitView&, T* diagonal, T* octants, void* scratch) = nullptr;
+};
+
+struct ImplicitKernelSet {
+  ImplicitKernels<float, 2> single_2d;
+  ImplicitKernels<float, 3> single_3d;
+  ImplicitKernels<double, 2> double_2d;
+  ImplicitKernels<double, 3> double_3d;
+};
+/// Of the same shared object.
+ImplicitKernelSet implicit_kernels();
+
 struct KernelSet {
   const char* isa = nullptr;
   TransferKernels<float, 2> single_2d;
@@ -175,9 +234,10 @@ struct KernelSet {
   TransferKernels<double, 2> double_2d;
   TransferKernels<double, 3> double_3d;
   DamageKernelSet damage;
+  ImplicitKernelSet implicit;
 };
 
-/// The kernels of one precision and dimension, of a KernelSet or a DamageKernelSet.
+/// The kernels of one precision and dimension, of any of these sets.
 template <class T, int D, class Set>
 const auto& kernels_of(const Set& set) {
   if constexpr (sizeof(T) == sizeof(float)) {

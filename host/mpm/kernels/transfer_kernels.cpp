@@ -52,7 +52,7 @@ void particle_to_grid(const ParticleView& set, const BlockView& block, const Ste
   constexpr int lanes = tile_lanes<T>;
   constexpr int quads = D + 1;
   constexpr std::uint32_t row = CLEAVE_TILE_BYTES;
-  const bool affine = step.scheme == TransferScheme::apic && step.stress;
+  const bool affine = step.scheme == TransferScheme::apic;
   using V = Part<T>;
   const V density = everywhere<V>(T(set.relative_density)), cell_size = everywhere<V>(T(step.cell_size)),
           force = everywhere<V>(T(step.force_scale));
@@ -294,6 +294,6 @@ TransferKernels<T, D> table() {
 extern "C" __attribute__((visibility("default"))) const cleave::mpm::KernelSet* cleave_kernels() {
   using namespace cleave::mpm;
   static const KernelSet set{CLEAVE_KERNEL_ISA,          kernel::table<float, 2>(),  kernel::table<float, 3>(),
-                             kernel::table<double, 2>(), kernel::table<double, 3>(), damage_kernels()};
+                             kernel::table<double, 2>(), kernel::table<double, 3>(), damage_kernels(), implicit_kernels()};
   return &set;
 }

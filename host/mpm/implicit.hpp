@@ -1,0 +1,75 @@
+#pragma once
+
+#include "config/scene.hpp"
+#include "mpm/coarse_space.hpp"
+#include "mpm/implicit_boundary.hpp"
+#include "mpm/incremental_potential.hpp"
+#include "mpm/integrator_choice.hpp"
+
+#include <string>
+#include <vector>
+
+namespace cleave::mpm {
+
+/// Minimises the incremental potential over the node velocities, subject to the boundary: Newton's method with truncated
+/// conjugate gradients and a line search (docs/implicit.md).
+template <class T, int D>
+class ImplicitStep {
+ public:
+  using Part = typename IncrementalPotential<T, D>::Part;
+  struct Outcome {
+    bool solved = false;
+    std::string problem;  ///< why not
+    SolveWork work;
+    std::int64_t newton_iterations = 0, linear_iterations = 0;
+    bool failed_law = false;  ///< the report counts
+    std::size_t part = 0;
+    BlockReport report;
+  };
+
+  ImplicitStep(const config::ImplicitSolver& solver, double cell_size, double reference_density)
+      : solver_(solver), cell_size_(cell_size), reference_density_(reference_density) {}
+
+  /// The grid holds masses and velocities without forces of the material, v*, of which the last time step's gravity made
+  /// `gravity_change`; it then holds the velocities at the end of the step. Gives up where that would cost more than `most`
+  /// (see implicit_cost), and leaves the grid as it was if there is no solution. Particles are only read.
+  Outcome solve(Grid<T, D>&, const std::vector<Part>&, ImplicitBoundary<T, D>&, double time_step, const Vector3& gravity_change,
+                double most);
+
+ private:
+  void start(const Vector3& gravity_change);
+  typename IncrementalPotential<T, D>::Value evaluate(const T* velocity);
+  double find_residual();
+  bool minimise();
+  void prepare();
+  void precondition();
+  double apply_preconditioner();
+  void find_direction(double forcing);
+  bool search(double slope);
+  double dot(const T*, const T*) const;
+  double norm(const T*) const;
+  bool dear() const { return implicit_cost(outcome_.work) > most_; }
+  bool give_up();
+  void fail_by_law(const char* what);
+  T* numbers(const Buffer& b) const { return reinterpret_cast<T*>(b.data()); }
+
+  config::ImplicitSolver solver_;
+  double cell_size_, reference_density_;
+  IncrementalPotential<T, D> potential_;
+  CoarseSpace<T, D> coarse_;
+
+  // of the solve that goes on
+  const Grid<T, D>* grid_ = nullptr;
+  ImplicitBoundary<T, D>* boundary_ = nullptr;
+  double time_step_ = 0, most_ = 0;
+  Outcome outcome_;
+  Buffer velocity_, trial_, gradient_, direction_, residual_, preconditioned_, search_, product_;
+  Buffer inverse_;  // of the diagonal blocks, diagonal_numbers per node
+  typename IncrementalPotential<T, D>::Value value_;
+  double residual_norm_ = 0;
+  bool prepared_ = false;
+  double rounding_ = 0;         // norm of the gradient that rounded strains and velocities make
+  double energy_rounding_ = 0;  // what rounded strains can make of the energy
+};
+
+}  // namespace cleave::mpm
