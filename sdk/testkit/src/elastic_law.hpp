@@ -26,7 +26,7 @@ struct ElasticResponse {
   cleave_status status = CLEAVE_STATUS_OK;
   Symmetric3 tau{}, effective_stress{};
   double energy = 0, tensile_energy = 0, wave_modulus = 0;
-  Matrix3 dP{};
+  Matrix3 P{}, dP{};
 
   bool valid() const { return status < CLEAVE_STATUS_RETRY; }
 };
@@ -81,7 +81,7 @@ class ElasticLaw {
   /// Largest stiffness at rest [Pa], by which stresses are judged.
   double modulus() const { return modulus_; }
 
-  enum Extra : unsigned { nothing = 0, wave = 1, effective = 2, tangent = 4 };
+  enum Extra : unsigned { nothing = 0, wave = 1, effective = 2, tangent = 4, piola = 8 };
   /// Stress always, energies if the law has them, the extras if it can. A point's status is left to the caller.
   std::vector<ElasticResponse> operator()(const std::vector<ElasticPoint>& points, unsigned extras = nothing) const {
     Request request;
@@ -102,6 +102,7 @@ class ElasticLaw {
     if (extras & effective) outputs[CLEAVE_FIELD_EFFECTIVE_STRESS] = 6;
     if (extras & wave) outputs[CLEAVE_FIELD_WAVE_MODULUS] = 1;
     if (extras & tangent) outputs[CLEAVE_FIELD_DELTA_P] = 9;
+    if (extras & piola) outputs[CLEAVE_FIELD_PIOLA] = 9;
     const Answer answer = evaluated(instance_, precision_, request);
     std::vector<ElasticResponse> responses(points.size());
     for (std::size_t k = 0; k < points.size(); ++k) {
@@ -116,6 +117,7 @@ class ElasticLaw {
       if (extras & effective) r.effective_stress = read<6>(of(CLEAVE_FIELD_EFFECTIVE_STRESS));
       if (extras & wave) r.wave_modulus = of(CLEAVE_FIELD_WAVE_MODULUS)[0];
       if (extras & tangent) r.dP = read<9>(of(CLEAVE_FIELD_DELTA_P));
+      if (extras & piola) r.P = read<9>(of(CLEAVE_FIELD_PIOLA));
     }
     return responses;
   }

@@ -127,6 +127,29 @@ struct Law {
     return tau;
   }
 
+  /// P of the heading, for f without length the limit at 1e-6 of its length at rest.
+  Matrix piola() const {
+    const double g = broken("stress_ignores_g") || broken("piola_ignores_g") ? 1 : p.g;
+    const double size = broken("stress_off_energy") ? 1.001 : 1;
+    Matrix P{};
+    if (broken("piola_divides_by_J")) {
+      const Matrix tau = stress(g, 0);
+      for (int i = 0; i < 9; ++i)
+        for (int k = 0; k < 3; ++k) P.x[i] += tau.x[3 * (i / 3) + k] * cofactor.x[3 * k + i % 3] / J;
+      return P;
+    }
+    add(P, size * shape_factor(g) * mu * (broken("dissipates") ? 1 + 1e-7 * (J - 1) : 1), p.F);
+    add(P, size * sign() * (volume_factor(g) * lambda * (sign() * J - 1) - shape_factor(g) * mu), cofactor);
+    for (int i = 0; i < 3; ++i) {
+      const Vector f = p.F * p.fibers[i];
+      const double length = std::fmax(std::sqrt(dot(f, f)), 1e-6);
+      add_outer(P, size * p.fiber_stiffness[i] * (1 - 1 / length), f, p.fibers[i]);
+    }
+    if (broken("piola_off")) add(P, 1e-8, P);
+    if (broken("piola_off_when_flat") && std::abs(J) < 1e-12) add(P, 1e-3, P);
+    return P;
+  }
+
   Matrix delta_piola() const {
     const double g = broken("stress_ignores_g") ? 1 : p.g;
     double dJ = 0;
@@ -143,6 +166,8 @@ struct Law {
     }
     if (broken("stress_off_energy")) add(dP, 0.001, dP);
     if (broken("tangent_off")) add(dP, 1e-4, dP);
+    if (broken("tangent_off_inverted") && J < 0) add(dP, 1e-3, dP);
+    if (broken("tangent_undefined_when_flat") && J == 0) dP.x[0] = std::numeric_limits<double>::quiet_NaN();
     if (broken("tangent_not_symmetric")) dP.x[1] += 1e-7 * mu * p.dF.x[5];
     return dP;
   }
@@ -226,6 +251,7 @@ struct Batch {
       store_symmetric(CLEAVE_FIELD_EFFECTIVE_STRESS, k, law.stress(broken("effective_stress_degraded") ? p.g : 1, 2),
                       1 / std::copysign(std::fmax(std::abs(law.J), 1e-3), law.J));
       store(CLEAVE_FIELD_WAVE_MODULUS, k, &wave, 1);
+      if (field(CLEAVE_FIELD_PIOLA)) store(CLEAVE_FIELD_PIOLA, k, law.piola().x, 9);
       if (tangent) store(CLEAVE_FIELD_DELTA_P, k, law.delta_piola().x, 9);
     }
     return CLEAVE_OK;
@@ -273,7 +299,7 @@ constexpr cleave_schema schema = [] {
   all.parameter_count = 4;
   all.parameters = parameters;
   all.capabilities = CLEAVE_ACCEPTS_F | CLEAVE_ISOTROPIC | CLEAVE_INVERSION_SAFE | CLEAVE_HAS_ENERGY | CLEAVE_HAS_TANGENT |
-                     CLEAVE_HAS_WAVE_MODULUS | CLEAVE_HAS_EFFECTIVE_STRESS | CLEAVE_SINGLE | CLEAVE_DOUBLE;
+                     CLEAVE_HAS_WAVE_MODULUS | CLEAVE_HAS_EFFECTIVE_STRESS | CLEAVE_HAS_PIOLA | CLEAVE_SINGLE | CLEAVE_DOUBLE;
   return all;
 }();
 
@@ -321,13 +347,14 @@ constexpr cleave_about about = [] {
   a.source = "no paper";
   return a;
 }();
+template <std::uint32_t minor>
 constexpr cleave_plugin table{
-    sizeof(cleave_plugin), {CLEAVE_ABI_MAJOR, 0}, &about, &schema, kind, extension, create, destroy, nullptr};
+    sizeof(cleave_plugin), {CLEAVE_ABI_MAJOR, minor}, &about, &schema, kind, extension, create, destroy, nullptr};
 
 }  // namespace
 
 extern "C" CLEAVE_EXPORT cleave_result cleave_plugin_entry(const cleave_host* host, const cleave_plugin** plugin) {
   if (!CLEAVE_HAS(cleave_host, host, abi) || host->abi.major != CLEAVE_ABI_MAJOR) return CLEAVE_ERROR_ABI;
-  *plugin = &table;
+  *plugin = host->abi.minor < 1 ? &table<0> : &table<1>;
   return CLEAVE_OK;
 }

@@ -118,10 +118,12 @@ void expect_nothing_silent(const ElasticLaw& law, const ElasticPoint& point, con
   expect_finite(r.energy, "the energy");
   expect_finite(r.tensile_energy, "psi_plus");
   expect_finite(r.wave_modulus, "the wave modulus");
-  double sum_of_effective = 0, sum_of_dP = 0;
+  double sum_of_effective = 0, sum_of_P = 0, sum_of_dP = 0;
   for (double x : r.effective_stress) sum_of_effective += x;
+  for (double x : r.P) sum_of_P += x;
   for (double x : r.dP) sum_of_dP += x;
   expect_finite(sum_of_effective, "the effective stress");
+  expect_finite(sum_of_P, "PIOLA");
   expect_finite(sum_of_dP, "DELTA_P");
 }
 
@@ -185,7 +187,8 @@ void inversion(Context& context) {
     const auto points = extreme_points(law, random);
     const unsigned extras = (plugin.can(CLEAVE_HAS_WAVE_MODULUS) ? ElasticLaw::wave : 0u) |
                             (plugin.can(CLEAVE_HAS_EFFECTIVE_STRESS) ? ElasticLaw::effective : 0u) |
-                            (plugin.can(CLEAVE_HAS_TANGENT) && knows_sign ? ElasticLaw::tangent : 0u);
+                            (plugin.can(CLEAVE_HAS_TANGENT) && knows_sign ? ElasticLaw::tangent : 0u) |
+                            (plugin.can(CLEAVE_HAS_PIOLA) && knows_sign ? ElasticLaw::piola : 0u);
     const auto answers = law(points), with_extras = law(points, extras);
     for (std::size_t k = 0; k < points.size(); ++k) {
       expect_nothing_silent(law, points[k], answers[k]);
@@ -196,6 +199,9 @@ void inversion(Context& context) {
       const bool collapsed = F == diagonal(F[0], F[4], F[8]) && J == 0;
       if (safe) {
         if (!answers[k].valid()) context.fail("declared inversion safe, but has no finite stress " + law.text(points[k]));
+        if ((extras & ElasticLaw::piola) && !with_extras[k].valid())
+          context.fail("declared inversion safe with PIOLA, but not all of its outputs are finite along dF = " +
+                       list_text(points[k].dF) + " " + law.text(points[k]));
       } else if ((collapsed || (knows_sign && J < -1e-3 * size * size * size)) && answers[k].valid()) {
         context.fail("J = " + short_text(J) + " has no status, and the law is not declared inversion safe, " +
                      law.text(points[k]));
@@ -214,7 +220,7 @@ std::vector<Check> elastic_paths_checks() {
        elasticity_kind, closed_cycle},
       {"elasticity.inversion", 33,
        "Collapse, inversion and stretches of 1e-6 to 1e6 give a finite stress or a status; a law declared inversion safe gives "
-       "a stress that drives an inverted point back.",
+       "a stress that drives an inverted point back, and all that it declares beside PIOLA.",
        elasticity_kind, inversion},
   };
 }

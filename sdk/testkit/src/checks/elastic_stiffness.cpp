@@ -1,72 +1,165 @@
-// Stiffness of an elastic law: the stress differential, and the bound of the fastest wave.
+// What implicit and explicit steps ask of an elastic law beside tau: P and its differential, and the bound of the fastest wave.
 #include "elastic_law.hpp"
 
 namespace cleave::testkit {
 namespace {
 
-/// dP along point.dF by central differences of P = tau F^-T.
-std::vector<Matrix3> piola_differences(const ElasticLaw& law, const std::vector<ElasticPoint>& points, double step) {
+/// F of a point whose third axis is `stretch` times as long as at rest, the others moderately strained.
+ElasticPoint thin_point(Random& random, double stretch, double g) {
+  ElasticPoint point = random_point(random, 0, g);
+  point.F = product(product(random.rotation(), diagonal(random.uniform(0.7, 1.4), random.uniform(0.7, 1.4), stretch)),
+                    random.rotation());
+  return point;
+}
+
+/// Central differences of psi by F, and how much those to its two sides differ: by the step times the stiffness, and by all of
+/// it at a kink.
+struct EnergyGradient {
+  Matrix3 P{}, jump{};
+};
+std::vector<EnergyGradient> energy_gradients(const ElasticLaw& law, const std::vector<ElasticPoint>& points) {
+  constexpr double step = 1e-5;
+  std::vector<ElasticPoint> moved;
+  for (const ElasticPoint& point : points)
+    for (std::size_t i = 0; i < 9; ++i)
+      for (double sign : {1, -1}) {
+        moved.push_back(point);
+        moved.back().F[i] += sign * step;
+      }
+  const auto here = law(points), around = law(moved);
+  std::vector<EnergyGradient> gradients(points.size());
+  for (std::size_t k = 0; k < around.size(); k += 2) {
+    expect_valid(law, moved[k], around[k]);
+    expect_valid(law, moved[k + 1], around[k + 1]);
+    EnergyGradient& gradient = gradients[k / 18];
+    gradient.P[k / 2 % 9] = (around[k].energy - around[k + 1].energy) / (2 * step);
+    gradient.jump[k / 2 % 9] = (around[k].energy - 2 * here[k / 18].energy + around[k + 1].energy) / step;
+  }
+  return gradients;
+}
+
+/// Where F cannot be divided by, tau says nothing of P along what is flat; the energy does.
+void expect_gradient_when_flat(const ElasticLaw& law, Random& random) {
+  std::vector<ElasticPoint> points;
+  for (double g : degradations)
+    for (double stretch : {0., 1e-3, -1e-3, -0.5}) points.push_back(thin_point(random, stretch, g));
+  const auto answers = law(points, ElasticLaw::piola);
+  const auto gradients = energy_gradients(law, points);
+  for (std::size_t k = 0; k < points.size(); ++k) {
+    expect_valid(law, points[k], answers[k]);
+    const auto& [P, jump] = gradients[k];
+    const double scale = norm(P) + 0.01 * law.modulus(), apart = norm(sum(answers[k].P, P, -1));
+    if (!(apart <= 1e-6 * scale + norm(jump)))
+      throw Failed{"declared inversion safe, but PIOLA is " + list_text(answers[k].P) +
+                   " Pa and the derivative of the energy " + list_text(P) + ", " + short_text(apart / scale) +
+                   " of it apart, " + law.text(points[k])};
+  }
+}
+
+void piola_stress(Context& context) {
+  const Plugin& plugin = context.plugin();
+  if (!plugin.can(CLEAVE_HAS_PIOLA)) context.skip("no first Piola-Kirchhoff stress declared");
+  if (!plugin.can(CLEAVE_ACCEPTS_F)) context.skip("it is asked for with F, which the law does not accept");
+  for_each_law(context, Forms::all_precisions, 6, [&](const ElasticLaw& law, Random& random) {
+    if (law.measure() != "F") return;
+    const bool safe = law.can(CLEAVE_INVERSION_SAFE);
+    std::vector<ElasticPoint> points;
+    for (double g : degradations)
+      for (int k = 0; k < 8; ++k) {
+        points.push_back(random_point(random, 0.22 * std::exp(random.uniform(-2, 1.2)), g));
+        if (safe && k % 4 == 0) points.back().F = product(points.back().F, diagonal(1, -1, 1));
+        if (safe && k % 4 == 1) points.back() = thin_point(random, 1e-3, g);
+      }
+    const auto answers = law(points, ElasticLaw::piola);
+    for (std::size_t k = 0; k < points.size(); ++k) {
+      expect_valid(law, points[k], answers[k]);
+      const Matrix3 tau = full(answers[k].tau), pulled = product(answers[k].P, transpose(points[k].F));
+      const double size = norm(answers[k].P) * norm(points[k].F) + law.modulus(), apart = norm(sum(pulled, tau, -1));
+      if (!(apart <= law.by_precision(1e-11, 3e-5) * size))
+        context.fail("PIOLA F^T is " + list_text(pulled) + " Pa and TAU " + list_text(tau) + ", " + short_text(apart / size) +
+                     " of it apart, " + law.text(points[k]));
+    }
+    if (safe && law.can(CLEAVE_HAS_ENERGY) && law.precision() == Precision::double_precision)
+      expect_gradient_when_flat(law, random);
+  });
+}
+
+/// dP along point.dF by central differences of P, which is tau F^-T where the law was not asked for it.
+std::vector<Matrix3> piola_differences(const ElasticLaw& law, const std::vector<ElasticPoint>& points, double step,
+                                       bool ask_for_piola) {
   std::vector<ElasticPoint> moved;
   for (const ElasticPoint& point : points)
     for (double sign : {1, -1}) {
       moved.push_back(point);
       moved.back().F = sum(point.F, point.dF, sign * step / norm(point.dF));
     }
-  const auto answers = law(moved);
+  const auto answers = law(moved, ask_for_piola ? ElasticLaw::piola : ElasticLaw::nothing);
+  const auto P = [&](std::size_t k) {
+    expect_valid(law, moved[k], answers[k]);
+    return ask_for_piola ? answers[k].P : piola(answers[k].tau, moved[k].F);
+  };
   std::vector<Matrix3> differences;
   for (std::size_t k = 0; k < points.size(); ++k) {
-    expect_valid(law, moved[2 * k], answers[2 * k]);
-    expect_valid(law, moved[2 * k + 1], answers[2 * k + 1]);
-    Matrix3 dP = sum(piola(answers[2 * k].tau, moved[2 * k].F), piola(answers[2 * k + 1].tau, moved[2 * k + 1].F), -1);
+    Matrix3 dP = sum(P(2 * k), P(2 * k + 1), -1);
     for (double& x : dP) x *= norm(points[k].dF) / (2 * step);
     differences.push_back(dP);
   }
   return differences;
 }
 
+/// Points are groups of `directions` that share F: DELTA_P is the difference of stresses, and symmetric if there is an energy.
+void expect_tangent(Context& context, const ElasticLaw& law, const std::vector<ElasticPoint>& points, std::size_t directions,
+                    bool ask_for_piola) {
+  const auto answers = law(points, ElasticLaw::tangent);
+  const auto coarse = piola_differences(law, points, 2e-5, ask_for_piola);
+  const auto fine = piola_differences(law, points, 1e-5, ask_for_piola);
+  for (std::size_t first = 0; first < points.size(); first += directions) {
+    double stiffness = 0.01 * law.modulus();
+    for (std::size_t k = first; k < first + directions; ++k)
+      stiffness = std::max(stiffness, norm(fine[k]) / norm(points[k].dF));
+    for (std::size_t k = first; k < first + directions; ++k) {
+      expect_valid(law, points[k], answers[k]);
+      const double scale = stiffness * norm(points[k].dF);
+      const double apart = norm(sum(answers[k].dP, fine[k], -1));
+      // Where the two steps disagree the stress has a kink.
+      if (!(norm(sum(coarse[k], fine[k], -1)) > 5e-6 * scale) && !(apart <= 1e-5 * scale))
+        context.fail("DELTA_P is " + list_text(answers[k].dP) + " Pa and the difference of stresses " + list_text(fine[k]) +
+                     ", " + short_text(apart / scale) + " of it apart, along dF = " + list_text(points[k].dF) + " " +
+                     law.text(points[k]));
+      for (std::size_t other = first; law.can(CLEAVE_HAS_ENERGY) && other < k; ++other) {
+        const double there = dot(points[k].dF, answers[other].dP), back = dot(points[other].dF, answers[k].dP);
+        if (!(std::abs(there - back) <= 1e-9 * stiffness * norm(points[k].dF) * norm(points[other].dF)))
+          context.fail("the law has an energy, but its tangent is not symmetric: dF1 : dP(dF2) = " + short_text(there) +
+                       " J/m^3, and " + short_text(back - there) + " more for dF2 : dP(dF1), with dF1 = " +
+                       list_text(points[k].dF) + ", dF2 = " + list_text(points[other].dF) + " " + law.text(points[k]));
+      }
+    }
+  }
+}
+
 void tangent(Context& context) {
   const Plugin& plugin = context.plugin();
   if (!plugin.can(CLEAVE_HAS_TANGENT)) context.skip("no tangent declared");
   if (!plugin.can(CLEAVE_ACCEPTS_F)) context.skip("the tangent is asked for with F, which it does not accept");
-  const bool conservative = plugin.can(CLEAVE_HAS_ENERGY);
   for_each_law(context, Forms::double_precision, 4, [&](const ElasticLaw& law, Random& random) {
     if (law.measure() != "F") return;
     constexpr std::size_t directions = 4;
     const double spread = 0.22 * std::exp(random.uniform(-2, 1.2));
-    std::vector<ElasticPoint> points;
+    const auto in_all_directions = [&](std::vector<ElasticPoint>& points, ElasticPoint point) {
+      for (std::size_t i = 0; i < directions; ++i) {
+        const double size = std::exp(random.uniform(-7, 7));
+        for (double& x : point.dF) x = size * random.uniform(-1, 1);
+        points.push_back(point);
+      }
+    };
+    std::vector<ElasticPoint> points, inverted;
     for (double g : degradations)
-      for (int k = 0; k < 4; ++k) {
-        ElasticPoint point = random_point(random, spread, g);
-        for (std::size_t i = 0; i < directions; ++i) {
-          const double size = std::exp(random.uniform(-7, 7));
-          for (double& x : point.dF) x = size * random.uniform(-1, 1);
-          points.push_back(point);
-        }
-      }
-    const auto answers = law(points, ElasticLaw::tangent);
-    const auto coarse = piola_differences(law, points, 2e-5), fine = piola_differences(law, points, 1e-5);
-    for (std::size_t first = 0; first < points.size(); first += directions) {
-      double stiffness = 0.01 * law.modulus();
-      for (std::size_t k = first; k < first + directions; ++k)
-        stiffness = std::max(stiffness, norm(fine[k]) / norm(points[k].dF));
-      for (std::size_t k = first; k < first + directions; ++k) {
-        expect_valid(law, points[k], answers[k]);
-        const double scale = stiffness * norm(points[k].dF);
-        const double apart = norm(sum(answers[k].dP, fine[k], -1));
-        // Where the two steps disagree the stress has a kink.
-        if (!(norm(sum(coarse[k], fine[k], -1)) > 5e-6 * scale) && !(apart <= 1e-5 * scale))
-          context.fail("DELTA_P is " + list_text(answers[k].dP) + " Pa and the difference of stresses " + list_text(fine[k]) +
-                       ", " + short_text(apart / scale) + " of it apart, along dF = " + list_text(points[k].dF) + " " +
-                       law.text(points[k]));
-        for (std::size_t other = first; conservative && other < k; ++other) {
-          const double there = dot(points[k].dF, answers[other].dP), back = dot(points[other].dF, answers[k].dP);
-          if (!(std::abs(there - back) <= 1e-9 * stiffness * norm(points[k].dF) * norm(points[other].dF)))
-            context.fail("the law has an energy, but its tangent is not symmetric: dF1 : dP(dF2) = " + short_text(there) +
-                         " J/m^3, and " + short_text(back - there) + " more for dF2 : dP(dF1), with dF1 = " +
-                         list_text(points[k].dF) + ", dF2 = " + list_text(points[other].dF) + " " + law.text(points[k]));
-        }
-      }
-    }
+      for (int k = 0; k < 4; ++k) in_all_directions(points, random_point(random, spread, g));
+    expect_tangent(context, law, points, directions, false);
+    if (!law.can(CLEAVE_INVERSION_SAFE) || !law.can(CLEAVE_HAS_PIOLA)) return;
+    for (double g : degradations)
+      for (double stretch : {0.01, 0., -0.01, -0.4}) in_all_directions(inverted, thin_point(random, stretch, g));
+    expect_tangent(context, law, inverted, directions, true);
   });
 }
 
@@ -191,6 +284,10 @@ std::vector<Check> elastic_stiffness_checks() {
       {"elasticity.tangent", 29,
        "The stress differential is the difference of stresses to 1e-5, and symmetric if the law has an energy.",
        elasticity_kind, tangent},
+      {"elasticity.piola", 70,
+       "P F^T is the Kirchhoff stress to rounding, intact and degraded; a law declared inversion safe gives the derivative of "
+       "its energy where F is flat or inverted, too.",
+       elasticity_kind, piola_stress},
       {"elasticity.wave-modulus", 31,
        "The wave modulus is finite, positive and at least 0.99 of that of the fastest wave, fibres included.", elasticity_kind,
        wave_modulus},
