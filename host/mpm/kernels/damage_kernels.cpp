@@ -68,7 +68,7 @@ CLEAVE_INLINE Quad<T> load_row(const T* p) {
   return q;
 }
 template <class T>
-CLEAVE_INLINE void add_row(T* p, Quad<T> v) {
+CLEAVE_INLINE void add_row(T* p, const Quad<T>& v) {
   const Quad<T> sum = load_row(p) + v;
   std::memcpy(p, &sum, sizeof sum);
 }
@@ -92,13 +92,13 @@ struct Stencil {
   /// Product of the weights of all axes but the last, of row r.
   CLEAVE_INLINE T plane(int r) const { return D == 3 ? w[(W::plane + r) * lanes] : w[r * lanes]; }
   CLEAVE_INLINE Quad<T> last() const {
-    return Quad<T>{w[W::axis(D - 1) * lanes], w[(W::axis(D - 1) + 1) * lanes], w[(W::axis(D - 1) + 2) * lanes], T(0)};
+    return quad<T>(w[W::axis(D - 1) * lanes], w[(W::axis(D - 1) + 1) * lanes], w[(W::axis(D - 1) + 2) * lanes], T(0));
   }
   CLEAVE_INLINE T offset(int a) const { return w[(W::offset + a) * lanes]; }
 };
 
 template <class T>
-CLEAVE_INLINE T sum3(Quad<T> q) {
+CLEAVE_INLINE T sum3(const Quad<T>& q) {
   return q[0] + q[1] + q[2];
 }
 
@@ -188,7 +188,8 @@ void collect(const ParticleView& set, const BlockView& block, const DamageView& 
       const Tile<T> volume = load<T>(static_cast<T*>(view.volume) + tile * lanes);
       const Tile<T> damage = volume * load<T>(set.tiles + tile * set.stride + set.damage);
       const Tile<T> force = volume * load<T>(static_cast<T*>(view.driving_force) + tile * lanes);
-      for (int l = 0; l < lanes; l++) store_quad(s.record + (k * lanes + l) * 4, Quad<T>{volume[l], damage[l], force[l], T(0)});
+      for (int l = 0; l < lanes; l++)
+        store_quad<T>(s.record + (k * lanes + l) * 4, quad<T>(volume[l], damage[l], force[l], T(0)));
     }
     for (int p = 0; p < chunk.points;) {
       const std::int32_t first = s.node[p];
@@ -228,7 +229,7 @@ void stiffness(const ParticleView& set, const BlockView& block, const DamageView
         present |= value[r] != T(0);
         sum[r] = Quad<T>{};
       }
-      if (!any_bit(present)) {
+      if (!any(present)) {
         while (++p < chunk.points && s.node[p] == first) continue;
         continue;
       }
@@ -259,7 +260,7 @@ void stiffness(const ParticleView& set, const BlockView& block, const DamageView
         // back: w (g . (x_i - x_p))
         T middle = gx * w.offset(0) + gz * w.offset(D - 1);
         if constexpr (D == 3) middle += gy * w.offset(1);
-        const Quad<T> base = last * Quad<T>{middle - gz, middle, middle + gz, T(0)};
+        const Quad<T> base = last * quad<T>(middle - gz, middle, middle + gz, T(0));
         const Quad<T> step_x = gx * last;
         if constexpr (D == 3) {
           const Quad<T> step_y = gy * last;
@@ -275,7 +276,7 @@ void stiffness(const ParticleView& set, const BlockView& block, const DamageView
           sum[2] += w.plane(2) * (base + step_x);
         }
       } while (++p < chunk.points && s.node[p] == first);
-      for (int r = 0; r < rows; r++) add_row(s.to + first + row_start<D>(r), sum[r]);
+      for (int r = 0; r < rows; r++) add_row<T>(s.to + first + row_start<D>(r), sum[r]);
     }
   });
   merge_numbers<T, D>(to, block, s.to);

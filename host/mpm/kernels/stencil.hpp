@@ -70,58 +70,43 @@ CLEAVE_INLINE void gather(const T* arena, const T* weights, const std::int32_t* 
     g[u] = arena + node[p + u] * 4;
   }
   const auto weight = [&](int u, int axis, int i) { return w[u][(W::axis(axis) + i) * lanes]; };
-  Row<T> value[N], slope_x[N], slope_y[N], last[N];
+  Row<T> low[N], value[N], slope_x[N], slope_y[N], last[N];
   if constexpr (D == 3) {
     Row<T> sum[3][N], slope[3][N];
     for (int i = 0; i < 3; i++) {
-      Row<T> low[N], high[N];
       const int at = i * edge * edge * 4;
-      for (int u = 0; u < N; u++) low[u] = weight(u, 1, 0) * Row<T>::load(g[u] + at);
-      for (int u = 0; u < N; u++) high[u] = weight(u, 1, 2) * Row<T>::load(g[u] + at + 2 * edge * 4);
-      for (int u = 0; u < N; u++) {
-        low[u].pin();
-        high[u].pin();
-      }
-      for (int u = 0; u < N; u++) sum[i][u] = Row<T>::multiply_add(weight(u, 1, 1), Row<T>::load(g[u] + at + edge * 4), low[u]);
-      for (int u = 0; u < N; u++) slope[i][u] = high[u] - low[u];
-      for (int u = 0; u < N; u++) sum[i][u] = sum[i][u] + high[u];
+      const auto node_row = [&](int u, int j) { return Row<T>::load(g[u] + at + j * edge * 4); };
+      for (int u = 0; u < N; u++) low[u] = weight(u, 1, 0) * node_row(u, 0);
+      for (int u = 0; u < N; u++) low[u].pin();
+      for (int u = 0; u < N; u++) sum[i][u] = Row<T>::multiply_add(weight(u, 1, 1), node_row(u, 1), low[u]);
+      for (int u = 0; u < N; u++) slope[i][u] = Row<T>::multiply_subtract(weight(u, 1, 2), node_row(u, 2), low[u]);
+      for (int u = 0; u < N; u++) sum[i][u] = Row<T>::multiply_add(weight(u, 1, 2), node_row(u, 2), sum[i][u]);
     }
-    Row<T> low[N], high[N];
     for (int u = 0; u < N; u++) last[u] = Row<T>::weights(w[u] + W::axis(2) * lanes, lanes);
     for (int u = 0; u < N; u++) low[u] = weight(u, 0, 0) * sum[0][u];
-    for (int u = 0; u < N; u++) high[u] = weight(u, 0, 2) * sum[2][u];
-    for (int u = 0; u < N; u++) {
-      low[u].pin();
-      high[u].pin();
-    }
+    for (int u = 0; u < N; u++) low[u].pin();
     for (int u = 0; u < N; u++) slope_y[u] = weight(u, 0, 2) * slope[2][u];
     for (int u = 0; u < N; u++) value[u] = Row<T>::multiply_add(weight(u, 0, 1), sum[1][u], low[u]);
-    for (int u = 0; u < N; u++) slope_x[u] = (high[u] - low[u]) * last[u];
+    for (int u = 0; u < N; u++) slope_x[u] = Row<T>::multiply_subtract(weight(u, 0, 2), sum[2][u], low[u]);
     for (int u = 0; u < N; u++) slope_y[u] = Row<T>::multiply_add(weight(u, 0, 1), slope[1][u], slope_y[u]);
-    for (int u = 0; u < N; u++) value[u] = (value[u] + high[u]) * last[u];
-    for (int u = 0; u < N; u++) slope_y[u] = Row<T>::multiply_add(weight(u, 0, 0), slope[0][u], slope_y[u]) * last[u];
-    for (int u = 0; u < N; u++)
-      Row<T>::reduce(records + (p + u) * record_size, value[u], slope_x[u], slope_y[u], Row<T>::offset(value[u]));
+    for (int u = 0; u < N; u++) value[u] = Row<T>::multiply_add(weight(u, 0, 2), sum[2][u], value[u]);
+    for (int u = 0; u < N; u++) slope_y[u] = Row<T>::multiply_add(weight(u, 0, 0), slope[0][u], slope_y[u]);
+    for (int u = 0; u < N; u++) Row<T>::reduce(records + (p + u) * record_size, last[u], value[u], slope_x[u], slope_y[u]);
   } else {
-    Row<T> low[N], high[N];
+    const auto node_row = [&](int u, int i) { return Row<T>::load(g[u] + i * edge * 4); };
     for (int u = 0; u < N; u++) last[u] = Row<T>::weights(w[u] + W::axis(1) * lanes, lanes);
-    for (int u = 0; u < N; u++) low[u] = weight(u, 0, 0) * Row<T>::load(g[u]);
-    for (int u = 0; u < N; u++) high[u] = weight(u, 0, 2) * Row<T>::load(g[u] + 2 * edge * 4);
-    for (int u = 0; u < N; u++) {
-      low[u].pin();
-      high[u].pin();
-    }
-    for (int u = 0; u < N; u++) value[u] = Row<T>::multiply_add(weight(u, 0, 1), Row<T>::load(g[u] + edge * 4), low[u]);
-    for (int u = 0; u < N; u++) slope_x[u] = (high[u] - low[u]) * last[u];
-    for (int u = 0; u < N; u++) value[u] = (value[u] + high[u]) * last[u];
-    for (int u = 0; u < N; u++)
-      Row<T>::reduce(records + (p + u) * record_size, value[u], slope_x[u], Row<T>::offset(value[u]), Row<T>::zero());
+    for (int u = 0; u < N; u++) low[u] = weight(u, 0, 0) * node_row(u, 0);
+    for (int u = 0; u < N; u++) low[u].pin();
+    for (int u = 0; u < N; u++) value[u] = Row<T>::multiply_add(weight(u, 0, 1), node_row(u, 1), low[u]);
+    for (int u = 0; u < N; u++) slope_x[u] = Row<T>::multiply_subtract(weight(u, 0, 2), node_row(u, 2), low[u]);
+    for (int u = 0; u < N; u++) value[u] = Row<T>::multiply_add(weight(u, 0, 2), node_row(u, 2), value[u]);
+    for (int u = 0; u < N; u++) Row<T>::reduce(records + (p + u) * record_size, last[u], value[u], slope_x[u]);
   }
 }
 
 template <class T, int D>
 CLEAVE_INLINE void gather_chunk(const T* arena, const T* weights, const std::int32_t* node, int count, T* records) {
-  constexpr int together = sizeof(T) == 4 ? 2 : 1;
+  constexpr int together = sizeof(T) == 4 && register_bytes == 64 ? 2 : 1;  // of whom there are registers enough
   int p = 0;
   for (; p + together <= count; p += together) gather<T, D, together>(arena, weights, node, p, records);
   for (; p < count; p++) gather<T, D, 1>(arena, weights, node, p, records);

@@ -271,15 +271,15 @@ void grid_to_particle(const ParticleView& set, const BlockView& block, const Ste
 
 template <class T, int D>
 void grid_update(T* grid, std::uint64_t first, std::uint64_t last, const T* velocity_change) {
-  const Quad<T> change = {0, velocity_change[0], velocity_change[1], velocity_change[2]};
+  const Quad<T> change = quad<T>(0, velocity_change[0], velocity_change[1], velocity_change[2]);
   constexpr std::size_t numbers = GridShape<D>::block_nodes * 4;
   for (T *p = grid + first * numbers, *end = grid + last * numbers; p < end; p += 4) {
     const Quad<T> node = load_quad(p);
     const T mass = node[0];
     if (!(mass > T(0))) continue;
     Quad<T> velocity = node * (T(1) / mass) + change;
-    velocity[0] = mass;
-    store_quad(p, velocity);
+    velocity.r[0][0] = mass;
+    store_quad<T>(p, velocity);
   }
 }
 

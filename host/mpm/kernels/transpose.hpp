@@ -9,19 +9,33 @@ inline constexpr int record_size = 16;
 
 template <class T>
 CLEAVE_INLINE void transpose_quads(Quad<T>& a, Quad<T>& b, Quad<T>& c, Quad<T>& d) {
-  const Quad<T> ab_low = __builtin_shufflevector(a, b, 0, 4, 1, 5), ab_high = __builtin_shufflevector(a, b, 2, 6, 3, 7);
-  const Quad<T> cd_low = __builtin_shufflevector(c, d, 0, 4, 1, 5), cd_high = __builtin_shufflevector(c, d, 2, 6, 3, 7);
-  a = __builtin_shufflevector(ab_low, cd_low, 0, 1, 4, 5);
-  b = __builtin_shufflevector(ab_low, cd_low, 2, 3, 6, 7);
-  c = __builtin_shufflevector(ab_high, cd_high, 0, 1, 4, 5);
-  d = __builtin_shufflevector(ab_high, cd_high, 2, 3, 6, 7);
+  if constexpr (Quad<T>::count == 1) {
+    using R = typename Quad<T>::Register;
+    const R ab_low = __builtin_shufflevector(a.r[0], b.r[0], 0, 4, 1, 5),
+            ab_high = __builtin_shufflevector(a.r[0], b.r[0], 2, 6, 3, 7);
+    const R cd_low = __builtin_shufflevector(c.r[0], d.r[0], 0, 4, 1, 5),
+            cd_high = __builtin_shufflevector(c.r[0], d.r[0], 2, 6, 3, 7);
+    a.r[0] = __builtin_shufflevector(ab_low, cd_low, 0, 1, 4, 5);
+    b.r[0] = __builtin_shufflevector(ab_low, cd_low, 2, 3, 6, 7);
+    c.r[0] = __builtin_shufflevector(ab_high, cd_high, 0, 1, 4, 5);
+    d.r[0] = __builtin_shufflevector(ab_high, cd_high, 2, 3, 6, 7);
+  } else {
+    const auto low = [](const auto& x, const auto& y) { return __builtin_shufflevector(x, y, 0, 2); };
+    const auto high = [](const auto& x, const auto& y) { return __builtin_shufflevector(x, y, 1, 3); };
+    const Quad<T> p{{low(a.r[0], b.r[0]), low(c.r[0], d.r[0])}}, q{{high(a.r[0], b.r[0]), high(c.r[0], d.r[0])}},
+        r{{low(a.r[1], b.r[1]), low(c.r[1], d.r[1])}}, s{{high(a.r[1], b.r[1]), high(c.r[1], d.r[1])}};
+    a = p;
+    b = q;
+    c = r;
+    d = s;
+  }
 }
 
 /// rows: quads*4 rows of `lanes` numbers -> records[lane * record_size + row]
 template <class T, int Quads>
 CLEAVE_INLINE void lanes_to_records(const T* rows, T* records) {
   constexpr int lanes = 64 / int(sizeof(T));
-#if defined(__AVX512F__) && defined(__AVX512VL__) && defined(__AVX512DQ__)
+#if CLEAVE_REGISTER_BYTES == 64
   if constexpr (sizeof(T) == 4 && Quads == 4) {
     __m512 r[16], t[16];
     for (int i = 0; i < 16; i++) r[i] = _mm512_load_ps(reinterpret_cast<const float*>(rows) + 16 * i);
@@ -55,10 +69,10 @@ CLEAVE_INLINE void lanes_to_records(const T* rows, T* records) {
       Quad<T> a = load_quad(p), b = load_quad(p + lanes), c = load_quad(p + 2 * lanes), d = load_quad(p + 3 * lanes);
       transpose_quads<T>(a, b, c, d);
       T* out = records + l * record_size + 4 * q;
-      store_quad(out, a);
-      store_quad(out + record_size, b);
-      store_quad(out + 2 * record_size, c);
-      store_quad(out + 3 * record_size, d);
+      store_quad<T>(out, a);
+      store_quad<T>(out + record_size, b);
+      store_quad<T>(out + 2 * record_size, c);
+      store_quad<T>(out + 3 * record_size, d);
     }
 }
 
@@ -66,12 +80,12 @@ CLEAVE_INLINE void lanes_to_records(const T* rows, T* records) {
 template <class T, int Quads>
 CLEAVE_INLINE void records_to_lanes(const T* records, T* rows) {
   constexpr int lanes = 64 / int(sizeof(T));
-#if defined(__AVX512F__) && defined(__AVX512VL__) && defined(__AVX512DQ__)
+#if CLEAVE_REGISTER_BYTES == 64
   if constexpr (sizeof(T) == 4 && Quads == 4) {
     lanes_to_records<T, Quads>(records, rows);  // a 16x16 transpose is its own inverse
     return;
   }
-#elif defined(__AVX2__)
+#elif CLEAVE_REGISTER_BYTES == 32
   // Written in the pieces they are read in: two halves of 16 bytes would not be forwarded to a read of 32.
   if constexpr (sizeof(T) == 4) {
     for (int q = 0; q < Quads; q++)
@@ -99,10 +113,10 @@ CLEAVE_INLINE void records_to_lanes(const T* records, T* rows) {
               d = load_quad(p + 3 * record_size);
       transpose_quads<T>(a, b, c, d);
       T* out = rows + 4 * q * lanes + l;
-      store_quad(out, a);
-      store_quad(out + lanes, b);
-      store_quad(out + 2 * lanes, c);
-      store_quad(out + 3 * lanes, d);
+      store_quad<T>(out, a);
+      store_quad<T>(out + lanes, b);
+      store_quad<T>(out + 2 * lanes, c);
+      store_quad<T>(out + 3 * lanes, d);
     }
 }
 
