@@ -122,7 +122,6 @@ bench::StepResults measure(const BenchStepsOptions& options, plugins::Registry& 
                              .particles = options.particles,
                              .dimension = options.dimension.value_or(3),
                              .parameters = parse_sets(options.sets, registry)};
-  if (blocks.particles.empty()) blocks.particles = {1000000};
   if (blocks.materials == std::vector<std::string>{"all"}) blocks.materials.clear();
   return bench::measure_steps(blocks, sampling, registry);
 }
@@ -169,7 +168,8 @@ int bench_command(const BenchOptions& options, plugins::Registry& registry) {
 void add_bench_steps_options(CLI::App& cli, BenchStepsOptions& options) {
   cli.add_option("scene", options.scene, "Scene file (TOML) to measure in place of blocks");
   const auto list = [](CLI::Option* option) { return option->delimiter(',')->allow_extra_args(false); };
-  list(cli.add_option("--particles", options.particles, "Sizes of the blocks, separated by commas (default: 1000000)"))
+  list(cli.add_option("--particles", options.particles,
+                      "Sizes of the blocks, separated by commas (default: 1000000, 40960 of a constraint)"))
       ->check(CLI::Range(std::int64_t(100), std::int64_t(1000000000)));
   list(cli.add_option("--materials", options.materials,
                       "IDs of laws, separated by commas; ID+ID for laws together; all: every law, with an elastic law that "

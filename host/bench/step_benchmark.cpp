@@ -2,6 +2,7 @@
 
 #include "bench/law_choice.hpp"
 #include "bench/typical_parameters.hpp"
+#include "bench/yielding.hpp"
 #include "common/error.hpp"
 #include "discretization/simulation.hpp"
 
@@ -12,6 +13,8 @@
 #include <algorithm>
 #include <chrono>
 #include <cmath>
+#include <cstdlib>
+#include <filesystem>
 #include <functional>
 #include <memory>
 
@@ -32,7 +35,10 @@ struct Case {
   Precision precision;
   int threads;
   std::function<config::Scene()> scene;
-  bool may_fail;  ///< another case can be measured all the same
+  bool may_fail;                ///< another case can be measured all the same
+  int warm_up = 0;              ///< steps before the first sample
+  const Law* flows = nullptr;   ///< the return mapping of which some particles yield
+  std::size_t first_state = 0;  ///< of it, in the material
 };
 
 std::int64_t memory_of_machine() { return std::int64_t(sysconf(_SC_PHYS_PAGES)) * std::int64_t(sysconf(_SC_PAGESIZE)); }
@@ -62,11 +68,13 @@ class Sampler {
       take_turn();
       held = 0;
     }
+    only_one_ = cases.size() == 1;
     take_turn();
-    if (cases.size() == 1) results_.peak_memory = peak_memory_of_process();
   }
 
  private:
+  static constexpr double long_time = 1e6;  ///< seconds, so that no step is shortened to end at an instant
+
   struct Sample {
     double seconds = 0;
     std::vector<std::pair<std::string, double>> stage_seconds;
@@ -94,12 +102,13 @@ class Sampler {
   double start(const Case& c) {
     const auto limit = limit_threads(c.threads);
     runs_.push_back({&c, discretization::simulate(c.scene(), registry_)});
-    const mpm::Simulation& simulation = *runs_.back().simulation;
+    mpm::Simulation& simulation = *runs_.back().simulation;
+    for (int i = 0; i < c.warm_up; ++i) simulation.step(simulation.time() + long_time);
+    simulation.measure();  // iterations are counted from here on
     return 2 * simulation.bytes_per_particle().back().second * double(simulation.particles());
   }
 
   Sample sample(mpm::Simulation& simulation, int threads) const {
-    constexpr double long_time = 1e6;  // seconds, so that no step is shortened to end at an instant
     const auto limit = limit_threads(threads);
     simulation.step(simulation.time() + long_time);  // what others did to the caches is none of its own
     Sample sample;
@@ -118,14 +127,15 @@ class Sampler {
       for (Run& run : runs_)
         if (!run.failed)
           run.failed = !attempt(*run.of, [&] { run.samples.push_back(sample(*run.simulation, run.of->threads)); });
+    if (only_one_) results_.peak_memory = peak_memory_of_process();
     for (Run& run : runs_)
-      if (!run.failed) report(run);
+      if (!run.failed) attempt(*run.of, [&] { report(run); });
     if (!runs_.empty()) ++turn_;
     runs_.clear();
   }
 
   void report(Run& run) {
-    const mpm::Simulation& simulation = *run.simulation;
+    mpm::Simulation& simulation = *run.simulation;
     const Case& of = *run.of;
     std::sort(run.samples.begin(), run.samples.end(), [](const Sample& a, const Sample& b) { return a.seconds < b.seconds; });
     const Sample& median = run.samples[run.samples.size() / 2];
@@ -139,7 +149,28 @@ class Sampler {
                       .median = median.seconds * nanoseconds,
                       .fastest = run.samples.front().seconds * nanoseconds,
                       .stages = median.stage_seconds,
-                      .bytes_per_particle = simulation.bytes_per_particle()};
+                      .bytes_per_particle = simulation.bytes_per_particle(),
+                      .yielding = {},
+                      .constraint_iterations = {},
+                      .constraint_residual = {},
+                      .newton_iterations = {},
+                      .linear_iterations = {}};
+    const auto record = simulation.measure();
+    if (stage_is_there(result, "constraint")) {
+      result.constraint_iterations = record.constraint_iterations;
+      result.constraint_residual = record.constraint_residual;
+    }
+    if (record.newton_iterations > 0) {
+      result.newton_iterations = record.newton_iterations;
+      result.linear_iterations = record.linear_iterations;
+    }
+    if (of.flows) {
+      const auto before = simulation.state();
+      const double time = simulation.time();
+      simulation.step(time + long_time);
+      result.yielding = yielding_fraction(of.flows->instance, of.first_state, of.precision == Precision::single_precision,
+                                          before, simulation.state(), simulation.time() - time);
+    }
     for (auto& stage : result.stages) stage.second *= nanoseconds;
     if (result.laws.empty())
       for (const auto& plugin : simulation.plugins()) result.laws.emplace_back(plugin.id, GivenParameters{});
@@ -147,19 +178,26 @@ class Sampler {
     results_.results.push_back(std::move(result));
   }
 
+  static bool stage_is_there(const StepResult& result, const char* name) {
+    return std::any_of(result.stages.begin(), result.stages.end(), [&](const auto& stage) { return stage.first == name; });
+  }
+
   const StepSampling& sampling_;
   plugins::Registry& registry_;
   StepResults& results_;
   std::vector<Run> runs_;
   int turn_ = 0;
+  bool only_one_ = false;
 };
 
 /// Laws that go together, with parameters.
 struct Block {
   std::string name;
   config::Material material;
-  double wave_speed = 0;   ///< m/s, without fibres
-  double stable_step = 0;  ///< s, at rest
+  std::shared_ptr<const Law> flows;  ///< a return mapping of which some particles are to yield
+  std::size_t first_state = 0;       ///< of it, in the material
+  double wave_speed = 0;             ///< m/s, without fibres
+  double stable_step = 0;            ///< s, at rest
   bool single = true, doubled = true;
 };
 
@@ -192,6 +230,72 @@ config::Scene moving_scene(const Block& block, Precision precision, std::int64_t
   body.spin.angular_velocity = Vector3(0, 0, 0.03 * block.wave_speed / half);
   return scene;
 }
+
+/// Three tenths of the particles shear in a block of their own, by so much in a step that every law that yields does after
+/// `flow_steps`; the others fly, out of reach. `file` gets the particles that shear.
+constexpr double flowing_part = 0.3, shear_per_step = 0.003;
+constexpr int flow_steps = 60;
+config::Scene flowing_scene(const Block& block, Precision precision, std::int64_t particles, int dimension,
+                            const std::filesystem::path& file) {
+  auto scene = moving_scene(block, precision, std::llround((1 - flowing_part) * double(particles)), dimension);
+  scene.bodies.front().spin = {};  // nothing may yield there, however weak the law
+  ShearingBlock sheared{.dimension = dimension,
+                        .particles = std::llround(flowing_part * double(particles)),
+                        .cell_size = cell_size,
+                        .rate = shear_per_step / block.stable_step,
+                        .velocity = scene.bodies.front().velocity};
+  sheared.center[dimension - 1] = 1.5 * scene.bodies.front().shape->size.x() + 20 * cell_size;
+  sheared.write(file);
+  config::Body body;
+  body.name = "sheared";
+  body.material = block.material.name;
+  body.particle_file = file;
+  scene.bodies.push_back(body);
+  return scene;
+}
+
+/// A block of 5:4:4 that hangs by its ends.
+constexpr std::int64_t hanging_particles = 20 * 16 * 16 * 8;
+config::Scene hanging_scene(const Block& block, Precision precision, std::int64_t particles, int dimension) {
+  constexpr double width = 0.01;
+  auto scene = block_scene(block, precision, particles, dimension);
+  scene.simulation.cell_size = width;
+  scene.simulation.time_step = 2e-4;
+  scene.simulation.gravity[dimension - 1] = -9.81;
+  const double cells = double(particles) / scene.bodies.front().sampling.particles_per_cell;
+  const double fourth = dimension == 3 ? std::cbrt(cells / 80) : std::sqrt(cells / 20);
+  const Vector3 size = width * Vector3(std::round(5 * fourth), std::round(4 * fourth), std::round(4 * fourth));
+  scene.bodies.front().shape->size = size;
+  for (const int side : {-1, 1}) {
+    config::Handle handle;
+    handle.name = side < 0 ? "left" : "right";
+    handle.region.center = Vector3(side * (size.x() - width) / 2, 0, 0);
+    handle.region.size = Vector3(width, size.y(), size.z());
+    scene.handles.push_back(handle);
+  }
+  return scene;
+}
+
+/// A file that lives as long as this.
+class TemporaryFile {
+ public:
+  TemporaryFile() {
+    std::string name = (std::filesystem::temp_directory_path() / "cleave-bench-XXXXXX").string();
+    if (!mkdtemp(name.data()))
+      throw InputError("cannot make a directory in " + std::filesystem::temp_directory_path().string());
+    directory_ = name;
+  }
+  ~TemporaryFile() {
+    std::error_code ignored;
+    std::filesystem::remove_all(directory_, ignored);
+  }
+  TemporaryFile(const TemporaryFile&) = delete;
+  TemporaryFile& operator=(const TemporaryFile&) = delete;
+  std::filesystem::path path() const { return directory_ / "particles.csv"; }
+
+ private:
+  std::filesystem::path directory_;
+};
 
 /// The materials that are asked for.
 class Blocks {
@@ -239,7 +343,7 @@ class Blocks {
   std::vector<Laws> wanted_materials() const {
     std::vector<Laws> materials;
     for (const auto& text : options_.materials) {
-      Laws laws(3, nullptr);
+      Laws laws(4, nullptr);
       for (std::size_t begin = 0; begin <= text.size();) {
         const std::size_t end = std::min(text.find('+', begin), text.size());
         const std::string id = text.substr(begin, end - begin);
@@ -247,8 +351,9 @@ class Blocks {
         if (id == "all") refuse(text, "\"all\" stands alone");
         if (id.empty()) refuse(text, "expected an ID, or IDs joined by +");
         if (!law) refuse(text, registry_.unknown_id(id));
-        if (law->kind > Kind::damage)
-          refuse(text, "expected laws of elasticity, plasticity and damage; what " + id + " does is measured with a scene");
+        if (law->kind > Kind::constraint)
+          refuse(text, "expected laws of elasticity, plasticity and damage, or a constraint; what " + id +
+                           " does is measured with a scene");
         const Description*& place = laws[std::size_t(law->kind)];
         if (place) refuse(text, "two laws of " + std::string(name(law->kind)) + "; materials are separated by commas");
         place = law;
@@ -290,24 +395,47 @@ class Blocks {
     block.material.density = density;
     const auto& probe = elastic_.probe(chosen);
     block.wave_speed = std::sqrt((probe.bulk_modulus + 4. / 3 * probe.shear_modulus) / density);
+    std::shared_ptr<const Law> flows;
     std::uint64_t needs = 0;
     const auto take = [&](const Law& law) {
       const Description& d = law.instance.description();
       block.name += (block.name.empty() ? "" : " + ") + d.id;
-      block.single = block.single && law.instance.can(CLEAVE_SINGLE);
-      block.doubled = block.doubled && law.instance.can(CLEAVE_DOUBLE);
+      if (d.kind != Kind::constraint) {
+        block.single = block.single && law.instance.can(CLEAVE_SINGLE);
+        block.doubled = block.doubled && law.instance.can(CLEAVE_DOUBLE);
+      }
       needs |= d.capabilities_with(law.parameters);
       return config::PluginUse{d.id, law.parameters, {}};
     };
     block.material.elasticity = take(elastic);
     for (const Description* law : laws) {
       if (law->kind == Kind::elasticity) continue;
-      const auto paired = elastic_.make_paired(registry_, law->id, given(law->id), chosen, surroundings());
-      (law->kind == Kind::plasticity ? block.material.plasticity : block.material.damage) = take(*paired);
+      const std::shared_ptr<const Law> paired =
+          elastic_.make_paired(registry_, law->id, given(law->id), chosen, surroundings());
+      if (law->kind == Kind::plasticity) {
+        block.material.plasticity = take(*paired);
+        flows = paired;
+      } else {
+        (law->kind == Kind::damage ? block.material.damage : block.material.constraint) = take(*paired);
+      }
     }
     lay_fibers(block.material, needs);
+    if (block.material.constraint) soften(block, given(block.material.elasticity.id));
     blocks_.push_back(with_stable_step(block));
+    if (flows && !block.material.constraint) {
+      block = blocks_.back();
+      block.name += ", yielding";
+      block.flows = flows;
+      block.first_state = std::size_t(elastic.instance.description().state_components());
+      blocks_.push_back(block);
+    }
     if (laws.size() == 1 && laws[0]->kind == Kind::elasticity) add_with_fibers(block, elastic);
+  }
+
+  /// Everything elastic that is in Pa: 10 kPa.
+  void soften(Block& block, const GivenParameters& parameters) {
+    block.material.elasticity.parameters =
+        make_law(registry_, block.material.elasticity.id, parameters, 1e4, surroundings())->parameters;
   }
 
   static void lay_fibers(config::Material& material, std::uint64_t needs) {
@@ -349,27 +477,34 @@ StepResults measure_steps(const BlockOptions& options, const StepSampling& sampl
   StepResults results;
   results.dimension = options.dimension;
   results.sampling = sampling;
-  const auto blocks = Blocks(options, registry, results).make();
+  Blocks made(options, registry, results);  // laws of its own keep what others are made on
+  const auto blocks = made.make();
+  const TemporaryFile sheared;
   std::vector<Case> cases;
-  for (const std::int64_t particles : options.particles)
+  const auto sizes = options.particles.empty() ? std::vector<std::int64_t>{0} : options.particles;
+  for (const std::int64_t size : sizes)
     for (const Precision precision : sampling.precisions)
       for (const Block& block : blocks) {
         const bool single = precision == Precision::single_precision;
+        const std::int64_t particles = size ? size : block.material.constraint ? hanging_particles : 1000000;
         if (!(single ? block.single : block.doubled)) {
-          if (particles == options.particles.front())
+          if (size == sizes.front())
             results.skipped.emplace_back(block.name, single ? "offers no single precision" : "offers no double precision");
           continue;
         }
         std::vector<std::pair<std::string, GivenParameters>> laws;
         const auto& m = block.material;
-        for (const auto* use : {&m.elasticity, m.plasticity ? &*m.plasticity : nullptr, m.damage ? &*m.damage : nullptr})
+        for (const auto* use : {&m.elasticity, m.plasticity ? &*m.plasticity : nullptr, m.damage ? &*m.damage : nullptr,
+                                m.constraint ? &*m.constraint : nullptr})
           if (use) laws.emplace_back(use->id, use->parameters);
         for (const int threads : sampling.threads)
           cases.push_back({block.name, laws, precision, threads,
-                           [&block, precision, particles, dimension = options.dimension] {
-                             return moving_scene(block, precision, particles, dimension);
+                           [&block, &sheared, precision, particles, dimension = options.dimension] {
+                             if (block.flows) return flowing_scene(block, precision, particles, dimension, sheared.path());
+                             return (block.material.constraint ? hanging_scene : moving_scene)(block, precision, particles,
+                                                                                               dimension);
                            },
-                           options.materials.empty()});
+                           options.materials.empty(), block.flows ? flow_steps : 0, block.flows.get(), block.first_state});
       }
   Sampler(sampling, registry, results).measure(cases);
   return results;

@@ -31,15 +31,44 @@ std::vector<std::string> stage_names(const StepResults& results) {
   return names;
 }
 
+/// What only some blocks have: a column where any of them has it.
+struct Extra {
+  const char *column, *key;
+  std::optional<double> (*of)(const StepResult&);
+  const char* format;
+};
+const Extra extras[] = {
+    {"yielding", "yielding_fraction", [](const StepResult& r) { return r.yielding; }, "{:.2f}"},
+    {"s/step", "seconds_per_step",
+     [](const StepResult& r) {
+       return r.constraint_iterations || r.newton_iterations ? std::optional(r.seconds_per_step()) : std::nullopt;
+     },
+     "{:.3g}"},
+    {"iterations", "constraint_iterations", [](const StepResult& r) { return r.constraint_iterations; }, "{:.1f}"},
+    {"residual", "constraint_residual", [](const StepResult& r) { return r.constraint_residual; }, "{:.1e}"},
+    {"Newton", "newton_iterations", [](const StepResult& r) { return r.newton_iterations; }, "{:.1f}"},
+    {"linear", "linear_iterations", [](const StepResult& r) { return r.linear_iterations; }, "{:.1f}"}};
+
+bool occurs(const StepResults& results, const Extra& extra) {
+  return std::any_of(results.results.begin(), results.results.end(), [&](const auto& r) { return bool(extra.of(r)); });
+}
+
 /// Header and rows of the table; the first column is text, the others are numbers or short words.
 std::vector<std::vector<std::string>> cells(const StepResults& results) {
   const auto stages = stage_names(results);
   std::vector<std::vector<std::string>> rows{{"material", "particles", "precision", "threads", "Mp/s", "ns", "bytes"}};
+  for (const Extra& extra : extras)
+    if (occurs(results, extra)) rows[0].push_back(extra.column);
   rows[0].insert(rows[0].end(), stages.begin(), stages.end());
   for (const StepResult& result : results.results) {
     rows.push_back({result.material, std::to_string(result.particles), precision_name(result.precision),
                     std::to_string(result.threads), fmt::format("{:.1f}", 1e-6 * result.particle_steps_per_second()),
                     fmt::format("{:.2f}", result.median), fmt::format("{:g}", result.bytes_per_particle.back().second)});
+    for (const Extra& extra : extras) {
+      if (!occurs(results, extra)) continue;
+      const auto value = extra.of(result);
+      rows.back().push_back(value ? fmt::format(fmt::runtime(extra.format), *value) : "");
+    }
     for (const auto& stage : stages) rows.back().push_back(fmt::format("{:.2f}", stage_of(result, stage)));
   }
   return rows;
@@ -182,6 +211,8 @@ std::string json_text(const StepResults& results) {
                                    {"fastest_ns", result.fastest},
                                    {"stages_ns", to_json(result.stages)},
                                    {"bytes_per_particle", to_json(result.bytes_per_particle)}});
+    for (const Extra& extra : extras)
+      if (const auto value = extra.of(result)) measured.back().as_table()->insert(extra.key, *value);
   }
   for (const auto& [material, reason] : results.skipped)
     skipped.push_back(toml::table{{"material", material}, {"reason", reason}});

@@ -54,7 +54,7 @@ fibers = { direction = [1, 0, 0] }
 
 TEST_F(BenchSteps, StagesAreWithinTheStepTheyArePartOf) {
   const ptree json = measure("--materials elasticity/split-neo-hookean,plasticity/von-mises --particles 1000 --threads 1,2");
-  ASSERT_EQ(json.get_child("results").size(), 4u);
+  ASSERT_EQ(json.get_child("results").size(), 6u);
   for (const auto& [key, result] : json.get_child("results")) {
     const double median = result.get<double>("median_ns");
     double stages = 0;
@@ -86,9 +86,34 @@ TEST_F(BenchSteps, EveryCombinationThatIsAskedForIsMeasured) {
     combinations.insert(result.get<std::string>("material") + " " + std::to_string(int(asked)) + " " +
                         result.get<std::string>("threads") + " " + result.get<std::string>("precision"));
   }
-  EXPECT_EQ(json.get_child("results").size(), 16u);
-  EXPECT_EQ(combinations.size(), 16u);
+  EXPECT_EQ(json.get_child("results").size(), 24u);
+  EXPECT_EQ(combinations.size(), 24u);
   EXPECT_TRUE(combinations.contains("elasticity/split-neo-hookean + plasticity/von-mises 500 2 double"));
+}
+
+TEST_F(BenchSteps, ThreeTenthsYieldWhereABlockFlows) {
+  const ptree json = measure("--materials plasticity/von-mises --particles 40000 --precision single,double --threads 2");
+  int flowing = 0;
+  for (const auto& [key, result] : json.get_child("results")) {
+    const auto yielding = result.get_optional<double>("yielding_fraction");
+    ASSERT_EQ(yielding.has_value(), result.get<std::string>("material").ends_with(", yielding"));
+    if (!yielding) continue;
+    EXPECT_GT(*yielding, 0.15);  // the rest of that block has come to rest at its faces
+    EXPECT_LE(*yielding, 0.31);
+    flowing++;
+  }
+  EXPECT_EQ(flowing, 2);
+}
+
+TEST_F(BenchSteps, AConstraintIsMeasuredWithWhatItsSolverDoes) {
+  const ptree json = measure("--materials constraint/incompressibility --particles 2000 --threads 2");
+  ASSERT_EQ(json.get_child("results").size(), 1u);
+  const ptree& result = json.get_child("results").front().second;
+  EXPECT_GE(result.get<double>("constraint_iterations"), 1);
+  EXPECT_LE(result.get<double>("constraint_residual"), 1e-5);
+  EXPECT_NEAR(result.get<double>("seconds_per_step"), 1e-9 * result.get<double>("median_ns") * result.get<double>("particles"),
+              1e-12);
+  EXPECT_EQ(laws_of(result).count("constraint/incompressibility"), 1u);
 }
 
 TEST_F(BenchSteps, EveryLawIsMeasuredOnAnElasticLawThatSuitsIt) {
