@@ -72,9 +72,14 @@ class FiberRows {
     }
   }
 
+  /// `rate`: of the strain there is, how much is to be taken back per second.
   void write(cleave::Projection& projection, double rate) const {
-    for (const Row& row : rows_) {
-      projection.begin_row(-rate * row.strain);
+    for (std::uint64_t corner = 0; corner < system_.node_count; ++corner) {
+      if (row_of_corner_[corner] == no_row) continue;
+      const Row& row = rows_[row_of_corner_[corner]];
+      std::array<std::int32_t, 3> cell{};
+      for (unsigned k = 0; k < D; ++k) cell[k] = system_.node_cell[corner * D + k];
+      projection.begin_row({.correction = -rate * row.strain, .cell = cell});
       for (unsigned n = 0; n < width; ++n)
         if (row.value[0][n] != 0 || row.value[1][n] != 0 || row.value[D - 1][n] != 0)
           projection.add(row.node[n], {row.value[0][n], row.value[1][n], D == 3 ? row.value[D - 1][n] : 0});

@@ -23,7 +23,7 @@ struct Inextensibility {
 
   enum Transport { convected, rotated };
   Transport fiber_transport;
-  double tolerance, stabilization;
+  double tolerance, relaxation, stabilization;
   int maximum_iterations;
 
   static constexpr auto parameters = describe(
@@ -37,6 +37,10 @@ struct Inextensibility {
               .default_value = 1e-6,
               .valid = strictly_between(0, 1),
               .description = "rate of stretch that is left, relative to that without the constraint"}),
+      number(&Inextensibility::relaxation, {.key = "relaxation",
+                                            .default_value = 1e-6,
+                                            .valid = non_negative,
+                                            .description = "epsilon, compliance of the rows relative to their diagonal"}),
       number(&Inextensibility::stabilization, {.key = "stabilization",
                                                .default_value = 0.1,
                                                .valid = between(0, 1),
@@ -46,13 +50,13 @@ struct Inextensibility {
                                                      .valid = at_least(1),
                                                      .description = "of conjugate gradients in a step"}));
 
-  ConstraintReport project(const cleave_constraint_system& system) const {
+  ConstraintReport project(const cleave_constraint_system& system) {
     return system.dimension == 3 ? project<3>(system) : project<2>(system);
   }
 
  private:
   template <unsigned D>
-  ConstraintReport project(const cleave_constraint_system& system) const {
+  ConstraintReport project(const cleave_constraint_system& system) {
     inextensibility::FiberRows<D> rows(system);
     for (std::uint64_t p = 0; p < system.particle_count; ++p) {
       const double *F = system.deformation + p * 9, *a0 = system.fiber + p * 3;
@@ -72,10 +76,13 @@ struct Inextensibility {
       const double along = a[0] * stretched[0] + a[1] * stretched[1] + a[2] * stretched[2];
       rows.add(p, a, std::log(along));
     }
-    Projection projection(system);
+    Projection projection(system, memory_);
     rows.write(projection, stabilization / system.time_step);
-    return projection.solve({.tolerance = tolerance, .maximum_iterations = std::uint32_t(maximum_iterations)});
+    return projection.solve(
+        {.tolerance = tolerance, .maximum_iterations = std::uint32_t(maximum_iterations), .relaxation = relaxation});
   }
+
+  ProjectionMemory memory_;
 };
 
 }  // namespace

@@ -11,20 +11,30 @@
 ///
 ///   minimise  1/2 u^T M u   subject to   B' u = B v* - c
 ///
-/// that is B' M^-1 B'^T lambda = B v* - c, u = M^-1 B'^T lambda, without ever forming that matrix. Each row acts with equal and
-/// opposite impulses wherever its coefficients sum to zero over the nodes, as those of a velocity gradient do: momentum is
-/// kept.
+/// that is B' M^-1 B'^T lambda = B v* - c, u = M^-1 B'^T lambda. Each row acts with equal and opposite impulses wherever its
+/// coefficients sum to zero over the nodes, as those of a velocity gradient do: momentum is kept.
+///
+/// Many rows on a grid are nearly dependent, and iterations then need thousands of steps. With a ProjectionMemory, a member of
+/// the law, the matrix is factored, and the factors serve as the preconditioner of later steps as long as they are good:
+///
+///   Projection projection(system, memory);
+///   projection.begin_row({.value = c, .cell = {i, j, k}});   // the cell tells rows apart from step to step
 #ifndef CLEAVE_PROJECTION_HPP
 #define CLEAVE_PROJECTION_HPP
 
 #include <cleave/constraint.hpp>
+#include <cleave/sparse_cholesky.hpp>
 
 #include <algorithm>
 #include <array>
 #include <cmath>
 #include <cstddef>
 #include <cstdint>
+#include <limits>
 #include <stdexcept>
+#include <string>
+#include <type_traits>
+#include <unordered_map>
 #include <vector>
 
 namespace cleave {
@@ -98,6 +108,87 @@ inline std::vector<std::vector<std::uint64_t>> particles_by_cell(const cleave_co
   return cells;
 }
 
+namespace detail {
+
+/// Factors of S B' M^-1 B'^T S + shift I of a step, and what the steps since then took with them.
+template <class S>
+class ProjectionFactors {
+ public:
+  using Cell = std::array<std::int32_t, 3>;
+
+  bool any() const { return cholesky_.size() > 0; }
+  /// Whether another iteration with them costs more, with those there were too many of since they were made, than new ones.
+  bool worn(std::uint32_t iterations) const {
+    return excess_ + double(iterations) - fresh_ > (cholesky_.work() * 4e-11 + pairs_ * 2e-9) / iteration_seconds_;
+  }
+  void took(std::uint32_t iterations) {
+    if (fresh_ < 0)
+      fresh_ = iterations;
+    else
+      excess_ += std::max(0.0, double(iterations) - fresh_);
+  }
+
+  void make(const SymmetricRows<S>& matrix, const std::vector<Cell>& cells, S shift, std::size_t coefficients) {
+    std::vector<std::array<float, 3>> place(cells.size());
+    for (std::size_t i = 0; i < cells.size(); ++i) place[i] = {float(cells[i][0]), float(cells[i][1]), float(cells[i][2])};
+    cholesky_.analyze(matrix, place);
+    cholesky_.factor(matrix, shift);
+    numbers_.clear();
+    for (std::size_t i = 0; i < cells.size(); ++i) numbers_.emplace(key(cells[i]), std::uint32_t(i));
+    match(cells);
+    excess_ = 0;
+    fresh_ = -1;
+    pairs_ = double(matrix.column.size());
+    iteration_seconds_ = double(cholesky_.entries() * sizeof(S)) * 2e-10 + double(coefficients) * 1e-9;
+  }
+  /// The rows of another step. Those that were not there stand for themselves.
+  void match(const std::vector<Cell>& cells) {
+    number_of_row_.assign(cells.size(), none);
+    std::vector<bool> taken(cholesky_.size(), false);
+    for (std::size_t i = 0; i < cells.size(); ++i)
+      if (const auto found = numbers_.find(key(cells[i])); found != numbers_.end() && !taken[found->second]) {
+        taken[found->second] = true;
+        number_of_row_[i] = found->second;
+      }
+  }
+  /// z = (...)^-1 r
+  void apply(const std::vector<double>& r, std::vector<double>& z) {
+    double largest = 0;
+    for (const double value : r) largest = std::max(largest, std::abs(value));
+    if (largest == 0) largest = 1;
+    local_.assign(cholesky_.size(), 0);
+    for (std::size_t i = 0; i < r.size(); ++i)
+      if (number_of_row_[i] != none) local_[number_of_row_[i]] = S(r[i] / largest);
+    cholesky_.solve(local_);
+    for (std::size_t i = 0; i < r.size(); ++i)
+      z[i] = number_of_row_[i] != none ? double(local_[number_of_row_[i]]) * largest : r[i];
+  }
+
+ private:
+  static constexpr std::uint32_t none = ~std::uint32_t(0);
+  static std::uint64_t key(const Cell& cell) {
+    std::uint64_t k = 0;
+    for (const std::int32_t c : cell) k = k << 21 | (std::uint64_t(c) & 0x1fffff);
+    return k;
+  }
+
+  SparseCholesky<S> cholesky_;
+  std::unordered_map<std::uint64_t, std::uint32_t> numbers_;
+  std::vector<std::uint32_t> number_of_row_;
+  std::vector<S> local_;
+  double fresh_ = -1, excess_ = 0;  // iterations with the factors when they were new; more than those, since then
+  double pairs_ = 0, iteration_seconds_ = 1;
+};
+
+}  // namespace detail
+
+/// What a law keeps from step to step: the same results up to the tolerance, sooner.
+class ProjectionMemory {
+  friend class Projection;
+  detail::ProjectionFactors<float> single_;
+  detail::ProjectionFactors<double> double_;
+};
+
 /// Rows of B v = c, and the projection onto them. Nodes with a prescribed velocity keep it, those that are fixed along a normal
 /// keep that part; what they give to the rows is met by the others.
 class Projection {
@@ -105,16 +196,29 @@ class Projection {
   struct Options {
     double tolerance = 1e-6;  ///< of |B v - c| relative to |B v* - c|
     std::uint32_t maximum_iterations = 1000;
+    /// With a memory: epsilon in B v + epsilon D lambda = c, D the diagonal of B' M^-1 B'^T; the residual is that of this.
+    /// Rows give way to combinations of them that are of less than sqrt(epsilon) of their length. From 1e-6 on single precision
+    /// does for the factors.
+    double relaxation = 0;
   };
 
-  /// The system has to outlive this object.
+  struct Row {
+    double value = 0;  ///< c
+    /// With a memory: a rate that is added to c, in so far as that does not make kinetic energy: to undo drift.
+    double correction = 0;
+    std::array<std::int32_t, 3> cell{};  ///< where the row is; different for each
+  };
+
+  /// The system has to outlive this object, and so has the memory.
   explicit Projection(const cleave_constraint_system& system)
       : system_(system), d_(system.dimension), number_of_node_(system.node_count, absent) {}
+  Projection(const cleave_constraint_system& system, ProjectionMemory& memory) : Projection(system) { memory_ = &memory; }
 
   /// Begins a row whose right-hand side is `value`. A row to which nothing is added is none.
-  void begin_row(double value = 0) {
+  void begin_row(double value = 0) { begin_row(Row{.value = value}); }
+  void begin_row(const Row& row) {
     end_row();
-    value_ = value;
+    row_ = row;
   }
 
   /// Adds to the coefficients that the present row has for the velocity of a node. In 2D the last one is not read.
@@ -141,6 +245,9 @@ class Projection {
   /// Conjugate gradients on the normal equations (CGLS; Bjoerck, Numerical Methods for Least Squares Problems, 1996, 7.4) of
   /// S B' M^-1/2, where S gives the rows unit length. Its spectrum is that of B' M^-1 B'^T with the Jacobi preconditioner, and
   /// so are its iterations, but neither dependent nor contradictory rows disturb it.
+  ///
+  /// With a memory, conjugate gradients on B' M^-1 B'^T itself, preconditioned by its factors; should that come to nothing
+  /// without relaxation, as with contradictory rows, the above.
   ConstraintReport solve(Options options) {
     end_row();
     const std::size_t rows = row_end_.size(), unknowns = nodes_.size() * d_;
@@ -148,7 +255,15 @@ class Projection {
     report.rows = rows;
     const double begun = norm(residual_);
     if (!std::isfinite(begun)) throw std::runtime_error("a row of the constraint has numbers that are not finite");
-    if (begun <= rounding * std::sqrt(squared_magnitude_)) return report;
+    const bool corrected = std::any_of(correction_.begin(), correction_.end(), [](double c) { return c != 0; });
+    if (begun <= rounding * std::sqrt(squared_magnitude_) && !corrected) return report;
+    if (memory_) {
+      const auto by_factors = [&](auto& factors) {
+        return d_ == 3 ? solve_by_factors<3>(factors, options) : solve_by_factors<2>(factors, options);
+      };
+      report = options.relaxation >= single_relaxation ? by_factors(memory_->single_) : by_factors(memory_->double_);
+      if (options.relaxation > 0 || report.residual <= options.tolerance) return report;
+    }
 
     std::vector<double> before(unknowns), change(unknowns, 0.0), slope(unknowns), direction, r(rows), q(rows);
     mass_.resize(unknowns);
@@ -196,6 +311,8 @@ class Projection {
   static constexpr double rounding = 1e-14;
   /// A row of whose length no more than this part is free to act is held as a whole: it would act with its rounding.
   static constexpr double held = 1e-6;
+  /// The least epsilon with which single precision can make factors, and double precision.
+  static constexpr double single_relaxation = 1e-6, double_relaxation = 1e-11;
 
   std::size_t row_begin() const { return row_end_.empty() ? 0 : row_end_.back(); }
   double& velocity(std::size_t unknown) const { return system_.velocity[nodes_[unknown / d_] * d_ + unknown % d_]; }
@@ -204,7 +321,7 @@ class Projection {
   void end_row() {
     const std::size_t begin = row_begin(), end = column_.size();
     if (begin == end) return;
-    double residual = -value_, magnitude = std::abs(value_), whole = 0, free = 0;
+    double residual = -row_.value, magnitude = std::abs(row_.value), whole = 0, free = 0;
     const auto squared_length = [&](std::uint64_t node, const double* b) {
       double sum = 0;
       for (unsigned a = 0; a < d_; ++a) sum += b[a] * b[a];
@@ -230,6 +347,8 @@ class Projection {
     row_end_.push_back(end);
     residual_.push_back(residual);
     length_.push_back(std::sqrt(free));
+    correction_.push_back(free > 0 ? row_.correction : 0);
+    cell_.push_back(row_.cell);
     squared_magnitude_ += magnitude * magnitude;
   }
 
@@ -267,6 +386,175 @@ class Projection {
     for (std::size_t k = 0; k < out.size(); ++k) out[k] /= mass_[k];
   }
 
+  // ---- with factors. A = S B' M^-1/2, by its rows (what is in row_end_, column_ and here) and by its nodes
+
+  template <unsigned D, class S>
+  ConstraintReport solve_by_factors(detail::ProjectionFactors<S>& factors, const Options& options) {
+    const std::size_t rows = row_end_.size();
+    ConstraintReport report;
+    report.rows = rows;
+    std::vector<double> scale(rows), by_root_mass(nodes_.size()), A(coefficient_.size());
+    for (std::size_t i = 0; i < rows; ++i) scale[i] = length_[i] > 0 ? 1 / length_[i] : 0;
+    for (std::size_t n = 0; n < nodes_.size(); ++n) by_root_mass[n] = 1 / std::sqrt(system_.mass[nodes_[n]]);
+    for (std::size_t i = 0, e = 0; i < rows; ++i)
+      for (; e < row_end_[i]; ++e)
+        for (unsigned a = 0; a < D; ++a) A[e * D + a] = coefficient_[e * D + a] * scale[i] * by_root_mass[column_[e]];
+
+    const double shift = std::max(options.relaxation, std::is_same_v<S, float> ? single_relaxation : double_relaxation);
+    const auto renew = [&] { factors.make(matrix<D, S>(A), cell_, S(shift), A.size()); };
+    std::uint32_t since = 0;  // iterations of this step with the factors
+    fresh_ = !factors.any() || factors.worn(0);
+    if (fresh_)
+      renew();
+    else
+      factors.match(cell_);
+
+    // (A A^T + epsilon) x = b until nothing but `enough` is left, rows in their own units; what is left is in b then.
+    std::vector<double> u(nodes_.size() * D), p, q(rows), z(rows);
+    const auto iterate = [&](std::vector<double>& b, std::vector<double>& x, double enough) {
+      double rz = 0;
+      bool begun = false;
+      while (report.iterations < options.maximum_iterations && !(norm_in_full(b) <= enough)) {
+        if (since > 0 && factors.worn(since) && !fresh_) {
+          renew();
+          fresh_ = true;
+          since = 0;
+          begun = false;
+        }
+        factors.apply(b, z);
+        const double next = dot(b, z);
+        if (!(next > 0)) break;
+        if (begun)
+          for (std::size_t i = 0; i < rows; ++i) p[i] = z[i] + next / rz * p[i];
+        else
+          p = z;
+        begun = true;
+        rz = next;
+        transposed_product<D>(A, p, u);
+        product<D>(A, u, q);
+        for (std::size_t i = 0; i < rows; ++i) q[i] += options.relaxation * p[i];
+        const double step = rz / dot(p, q);
+        if (!std::isfinite(step)) break;
+        for (std::size_t i = 0; i < rows; ++i) x[i] += step * p[i], b[i] -= step * q[i];
+        ++report.iterations;
+        ++since;
+      }
+    };
+
+    std::vector<double> rest(rows), lambda(rows, 0.0), u1(u.size());
+    for (std::size_t i = 0; i < rows; ++i) rest[i] = scale[i] * residual_[i];
+    const double begun = norm(residual_);
+    iterate(rest, lambda, options.tolerance * norm_in_full(rest));
+    factors.took(since);
+    transposed_product<D>(A, lambda, u1);
+    report.residual = begun > 0 ? std::hypot(norm_in_full(rest), held_norm()) / begun : 0;
+
+    // v = v* - u1 + theta w, w = M^-1 B'^T y: as much of w as keeps the kinetic energy at or below that of v*.
+    double theta = 0;
+    for (std::size_t i = 0; i < rows; ++i) rest[i] = scale[i] * correction_[i];
+    if (const double wanted = norm_in_full(rest); wanted > 0) {
+      std::vector<double> y(rows, 0.0);
+      iterate(rest, y, 0.01 * wanted);
+      transposed_product<D>(A, y, u);
+      double taken = 0, mixed = 0, own = 0;
+      for (std::size_t n = 0; n < nodes_.size(); ++n)
+        for (unsigned a = 0; a < D; ++a) {
+          const std::size_t k = n * D + a;
+          const double v = velocity(k) / by_root_mass[n];
+          taken += (2 * v - u1[k]) * u1[k];
+          mixed += u[k] * (v - u1[k]);
+          own += u[k] * u[k];
+        }
+      if (own > 0) theta = std::min(1.0, (std::sqrt(mixed * mixed + own * std::max(taken, 0.0)) - mixed) / own);
+    } else {
+      std::fill(u.begin(), u.end(), 0.0);
+    }
+    for (std::size_t n = 0; n < nodes_.size(); ++n)
+      for (unsigned a = 0; a < D; ++a) {
+        const double change = by_root_mass[n] * (theta * u[n * D + a] - u1[n * D + a]);
+        if (change != 0) velocity(n * D + a) += change;
+      }
+    return report;
+  }
+
+  /// A A^T, lower triangle
+  template <unsigned D, class S>
+  SymmetricRows<S> matrix(const std::vector<double>& A) const {
+    const std::size_t rows = row_end_.size();
+    std::vector<std::size_t> begin(nodes_.size() + 1, 0);
+    for (const std::uint32_t n : column_) ++begin[n + 1];
+    for (std::size_t n = 0; n < nodes_.size(); ++n) begin[n + 1] += begin[n];
+    struct Entry {
+      std::uint32_t row;
+      std::array<S, D> value;
+    };
+    std::vector<Entry> of_node(column_.size());  // of those rows that are done, up to `end`
+    std::vector<std::size_t> end(begin.begin(), begin.end() - 1);
+    SymmetricRows<S> result;
+    result.begin.reserve(rows + 1);
+    result.begin.push_back(0);
+    std::vector<S> sum(rows, 0);
+    std::vector<std::uint32_t> reached, seen(rows, absent);
+    for (std::uint32_t i = 0, e = 0; i < rows; ++i) {
+      reached.clear();
+      for (; e < row_end_[i]; ++e) {
+        Entry entry{i, {}};
+        bool any = false;
+        for (unsigned a = 0; a < D; ++a) {
+          entry.value[a] = S(A[e * D + a]);
+          any = any || entry.value[a] != 0;
+        }
+        if (!any) continue;
+        const std::uint32_t n = column_[e];
+        of_node[end[n]++] = entry;
+        for (std::size_t k = begin[n]; k < end[n]; ++k) {
+          const Entry& other = of_node[k];
+          S product = 0;
+          for (unsigned a = 0; a < D; ++a) product += entry.value[a] * other.value[a];
+          sum[other.row] += product;
+          if (seen[other.row] != i) {
+            seen[other.row] = i;
+            reached.push_back(other.row);
+          }
+        }
+      }
+      if (seen[i] != i) reached.push_back(i);
+      std::sort(reached.begin(), reached.end());
+      for (const std::uint32_t j : reached) {
+        result.column.push_back(j);
+        result.value.push_back(sum[j]);
+        sum[j] = 0;
+      }
+      result.begin.push_back(result.column.size());
+    }
+    return result;
+  }
+
+  template <unsigned D>
+  void product(const std::vector<double>& A, const std::vector<double>& in, std::vector<double>& out) const {
+    for (std::size_t i = 0, e = 0; i < row_end_.size(); ++i) {
+      std::array<double, D> sum{};
+      for (; e < row_end_[i]; ++e)
+        for (unsigned a = 0; a < D; ++a) sum[a] += A[e * D + a] * in[column_[e] * D + a];
+      out[i] = 0;
+      for (unsigned a = 0; a < D; ++a) out[i] += sum[a];
+    }
+  }
+  template <unsigned D>
+  void transposed_product(const std::vector<double>& A, const std::vector<double>& in, std::vector<double>& out) const {
+    std::fill(out.begin(), out.end(), 0.0);
+    for (std::size_t i = 0, e = 0; i < row_end_.size(); ++i)
+      for (; e < row_end_[i]; ++e)
+        for (unsigned a = 0; a < D; ++a) out[column_[e] * D + a] += A[e * D + a] * in[i];
+  }
+  /// Of the residuals of rows that are held.
+  double held_norm() const {
+    double sum = 0;
+    for (std::size_t i = 0; i < length_.size(); ++i)
+      if (length_[i] == 0) sum += residual_[i] * residual_[i];
+    return std::sqrt(sum);
+  }
+
   double squared_by_mass(const std::vector<double>& u) const {
     double sum = 0;
     for (std::size_t k = 0; k < u.size(); ++k) sum += mass_[k] * u[k] * u[k];
@@ -290,13 +578,16 @@ class Projection {
   std::vector<std::uint32_t> number_of_node_;   // among the nodes that occur in rows, absent: none
   std::vector<std::uint64_t> nodes_;            // by number
   std::vector<std::uint32_t> entry_of_number_;  // in the present row
-  double value_ = 0;
+  Row row_;
   std::vector<std::size_t> row_end_;  // rows as entries one after another: a column, and d coefficients
   std::vector<std::uint32_t> column_;
   std::vector<double> coefficient_;
-  std::vector<double> residual_, length_;  // B v* - c and 1/S, of each row
+  std::vector<double> residual_, length_, correction_;  // B v* - c and 1/S, of each row
+  std::vector<std::array<std::int32_t, 3>> cell_;
   double squared_magnitude_ = 0;
   std::vector<double> mass_;  // of each unknown
+  ProjectionMemory* memory_ = nullptr;
+  bool fresh_ = false;  // the factors are of this step
 };
 
 }  // namespace cleave
