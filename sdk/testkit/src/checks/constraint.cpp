@@ -14,8 +14,9 @@ namespace {
 
 /// Largest residual of what counts as projected, relative.
 constexpr double tolerance = 1e-6;
-/// Largest error of velocities, relative to sqrt(v*^T M v*): how much a residual weighs there depends on the scaling of rows.
-constexpr double velocity_tolerance = 1e-5;
+/// Largest error of velocities, relative to sqrt(v*^T M v*). Rows on a grid see some velocities hardly: a residual that is small
+/// leaves more of those, and so does a relaxation by 1e-6.
+constexpr double velocity_tolerance = 5e-4;
 
 std::string number(double value) {
   char text[32];
