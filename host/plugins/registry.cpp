@@ -40,6 +40,12 @@ Found inspect(const fs::path& path) {
   return found;
 }
 
+/// A manifest states the least minor version of the ABI that the library works with, the loaded library what it agreed on.
+bool says_what_was_found(Description loaded, const Description& found) {
+  loaded.abi_minor = found.abi_minor;
+  return loaded == found;
+}
+
 /// The build of a library for this processor, if there is one beside it that is the same plugin; else the library itself.
 std::shared_ptr<const Plugin> best_variant(const std::shared_ptr<const Plugin>& anchor) {
   const fs::path& path = anchor->path();
@@ -118,7 +124,7 @@ std::shared_ptr<const Plugin> Registry::load(std::string_view id) {
   if (usable == found_.end()) throw InputError(unknown_id(id));
   try {
     auto anchor = open_library(usable->path);
-    if (anchor->description() != *usable->description)
+    if (!says_what_was_found(anchor->description(), *usable->description))
       throw Refusal("is not what it was when it was found" +
                     std::string(usable->from_manifest
                                     ? ": its manifest " + manifest_path(usable->path).filename().string() +

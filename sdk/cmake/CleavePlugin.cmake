@@ -72,6 +72,8 @@ function(cleave_add_plugin name)
     BYPRODUCTS ${arg_OUTPUT_DIRECTORY}/${name}.cleave.toml
     COMMENT "Writing the manifest of ${name}" VERBATIM)
   add_dependencies(${name} Cleave::cleave-manifest)
+  # Another version of the tool may write another manifest.
+  set_property(TARGET ${name} APPEND PROPERTY LINK_DEPENDS $<TARGET_FILE:Cleave::cleave-manifest>)
   foreach(isa IN LISTS variants)
     _cleave_plugin_library(${name}-${isa} ${isa} ${arg_OUTPUT_DIRECTORY}/${isa}
       NAME ${name} SOURCES ${arg_SOURCES} LIBRARIES ${arg_LIBRARIES})

@@ -22,9 +22,13 @@ const cleave_plugin& load(const std::filesystem::path& library) {
   if (!handle) throw Failure{dlerror()};
   const auto entry = reinterpret_cast<cleave_plugin_entry_fn>(dlsym(handle, CLEAVE_ENTRY_SYMBOL));
   if (!entry) throw Failure{"exports no " CLEAVE_ENTRY_SYMBOL};
-  const cleave_host host{sizeof host, {CLEAVE_ABI_MAJOR, CLEAVE_ABI_MINOR}, "cleave-manifest", "1.0.0"};
+  // The manifest states the least minor version the plugin works with: a host that speaks no more than that reads it too.
   const cleave_plugin* plugin = nullptr;
-  const cleave_result result = entry(&host, &plugin);
+  cleave_result result = CLEAVE_ERROR_ABI;
+  for (std::uint32_t minor = 0; minor <= CLEAVE_ABI_MINOR && result == CLEAVE_ERROR_ABI; ++minor) {
+    const cleave_host host{sizeof host, {CLEAVE_ABI_MAJOR, minor}, "cleave-manifest", "1.0.0"};
+    result = entry(&host, &plugin);
+  }
   if (result != CLEAVE_OK || !plugin) throw Failure{CLEAVE_ENTRY_SYMBOL " failed with result " + std::to_string(result)};
   if (plugin->abi.major != CLEAVE_ABI_MAJOR) throw Failure{"speaks another plugin ABI than this program"};
   if (!plugin->about || !plugin->schema) throw Failure{"describes neither itself nor its parameters"};

@@ -12,6 +12,7 @@
 
 #include <algorithm>
 #include <chrono>
+#include <cstdio>
 #include <cstring>
 #include <fstream>
 #include <iterator>
@@ -295,6 +296,11 @@ void manifest_agrees(Context& context) {
   const auto said = statements(manifest::manifest(context.plugin().table(), bytes));
   for (std::size_t i = 0; i < std::max(written.size(), said.size()); ++i) {
     const std::string is = i < written.size() ? written[i] : "nothing", should = i < said.size() ? said[i] : "nothing";
+    // The least minor version it works with, at most what was agreed on.
+    const cleave_version agreed = context.plugin().table().abi;
+    unsigned major = 0, minor = 0;
+    if (std::sscanf(is.c_str(), "abi = [%u, %u]", &major, &minor) == 2 && major == agreed.major && minor <= agreed.minor)
+      continue;
     if (is != should) context.fail("the manifest says `" + is + "`, the plugin `" + should + "`");
   }
 }
