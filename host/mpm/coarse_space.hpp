@@ -13,13 +13,13 @@
 
 namespace cleave::mpm {
 
-/// The slow part of the preconditioner of implicit steps: velocities that are multilinear between the corners of groups of grid
-/// blocks, and the operator on them, factorised. Diagonal blocks see one node at a time and pass what is out of balance on by
-/// one cell per iteration; this carries it through the body at once (two-level additive Schwarz; Toselli & Widlund 2005,
-/// chapter 3).
+/// The slow part of the preconditioner of implicit steps: velocities that are multilinear between the corners of a coarse mesh,
+/// and the operator on them, factorised. Diagonal blocks see one node at a time and pass what is out of balance on by one cell
+/// per iteration; this carries it through the body at once (two-level additive Schwarz; Toselli & Widlund 2005, chapter 3).
 ///
-/// The operator has the mass exactly. Its stiffness takes the tangents as they are on average in each octant of a block, made
-/// positive semi-definite, at the octant's middle; held nodes resist with their diagonal block.
+/// The mesh is made of octants of grid blocks (2 cells to an edge, in two dimensions 4), or of groups of them where these would
+/// be many. The operator has the mass exactly. Its stiffness takes the tangents as they are on average in each octant, made
+/// positive semi-definite; held nodes resist with their diagonal block.
 template <class T, int D>
 class CoarseSpace {
  public:
@@ -34,19 +34,21 @@ class CoarseSpace {
   void add_to(T* vector) const;
 
  private:
-  static constexpr int corners = 1 << D;
-  struct Block {
-    std::size_t first_node;
-    std::array<std::uint32_t, 8> corner;  ///< numbers of the corners of its group
-    std::array<int, 3> offset;            ///< of its first node in the group, in cells
+  static constexpr int corners = 1 << D, half = GridShape<D>::block_edge / 2;
+  /// An octant of a grid block and the element it is in.
+  struct Octant {
+    std::size_t block;
+    int number;                                 ///< in the block
+    bool stiff;                                 ///< some particle is here
+    std::array<std::uint32_t, corners> corner;  ///< of the element, BlockDirectory::none where there is none
+    std::array<int, 3> offset;                  ///< of its first node in the element, in cells
   };
-  /// Weights of the two corners along each axis, for each row of nodes of a block.
-  void hats(const Block&, double (&high)[3][8]) const;
   template <class F>
-  void for_nodes(const Block&, F&&) const;
+  void for_nodes(const Octant&, F&&) const;
+  void number_corners(const Grid<T, D>&, const IncrementalPotential<T, D>&);
 
-  std::vector<Block> blocks_;
-  int edge_ = 0;  ///< of a group, in cells
+  std::vector<Octant> octants_;
+  int edge_ = 0;  ///< of an element, in cells
   std::size_t corner_count_ = 0;
   bool ready_ = false;
   Eigen::SimplicialLDLT<Eigen::SparseMatrix<double>> factor_;
