@@ -11,6 +11,8 @@ using namespace cleave;
 /// For damage it is split as the neo-Hookean solid is: change of shape and expansion are degraded, compression is not.
 ///
 ///   psi_plus = mu |F - R|^2 + [J >= 1] lambda/2 (J - 1)^2        psi_minus = [J < 1] lambda/2 (J - 1)^2
+///
+/// With lambda < 0 the energy has no lower bound: of F = s I it is 3 mu (s - 1)^2 + lambda/2 (s^3 - 1)^2.
 struct FixedCorotated {
   static constexpr About about{.id = "elasticity/fixed-corotated",
                                .version = "1.0.0",
@@ -23,6 +25,14 @@ struct FixedCorotated {
 
   IsotropicModuli moduli;
   static constexpr auto parameters = describe(&FixedCorotated::moduli);
+
+  void complete() const {
+    if (moduli.lame < -1e-12 * moduli.shear)
+      throw ParameterError{moduli.youngs_modulus ? "poissons_ratio" : "bulk_modulus",
+                           std::string(moduli.youngs_modulus ? "must not be negative" : "must be at least 2/3 shear_modulus") +
+                               ": the energy lambda/2 (J - 1)^2 of this law would fall without bound under expansion; "
+                               "elasticity/split-neo-hookean takes such moduli"};
+  }
 
   template <class T>
   EnergySplit<T> energy(const Matrix3<T>& F) const {
@@ -53,7 +63,7 @@ struct FixedCorotated {
   T wave_modulus(const Matrix3<T>& F, const T& g) const {
     const Symmetric3<T> b = left_cauchy_green(F);
     const T J = determinant(F), largest = trace(b) / 3 + 0.81649658092772603 * norm(deviator(b));
-    return 2 * moduli.shear * g * largest + max(moduli.lame, 0.0) * volume_degradation(J, g) * J * J;
+    return 2 * moduli.shear * g * largest + moduli.lame * volume_degradation(J, g) * J * J;
   }
 };
 

@@ -1,3 +1,4 @@
+#include "common/error.hpp"
 #include "law_driver.hpp"
 #include "strains.hpp"
 
@@ -392,6 +393,23 @@ TEST(FixedCorotated, PushesBackTowardsRestThroughInversion) {
     }
     EXPECT_GT(driver.value(CLEAVE_FIELD_DELTA_P, k)[8], 100) << stretches[k];
   }
+}
+
+// lambda < 0: psi of F = s I is 3 mu (s - 1)^2 + lambda/2 (s^3 - 1)^2, which has no lower bound.
+TEST(FixedCorotated, RefusesModuliWhoseEnergyHasNoLowerBound) {
+  const auto refusal = [](const GivenParameters& given) -> std::string {
+    try {
+      Instance(built_plugins().load("elasticity/fixed-corotated"), given, {});
+      return "";
+    } catch (const InputError& error) {
+      return error.what();
+    }
+  };
+  EXPECT_EQ(refusal(stiff(1000, 0)), "");
+  EXPECT_THAT(refusal(stiff(1000, -0.01)), ::testing::HasSubstr("poissons_ratio must not be negative"));
+  EXPECT_EQ(refusal({{"shear_modulus", 300.}, {"bulk_modulus", 200.}}), "");
+  EXPECT_THAT(refusal({{"shear_modulus", 300.}, {"bulk_modulus", 199.}}),
+              ::testing::HasSubstr("bulk_modulus must be at least"));
 }
 
 /// States of the fixed corotated solid whose rotation is not determined, flat ones, and nothing at all.
