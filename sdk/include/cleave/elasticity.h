@@ -9,6 +9,8 @@
  *          that work on b; with DELTA_P, DELTA_F too.
  * Outputs  TAU, ENERGY, TENSILE_ENERGY, EFFECTIVE_STRESS, WAVE_MODULUS, DELTA_P, PIOLA (since 1.1): those present in the
  *          layout. TAU is always offered; the rest as declared by capability.
+ *          With CLEAVE_HAS_PIOLA and CLEAVE_INVERSION_SAFE, PIOLA and DELTA_P are finite at every finite F; where P has no
+ *          derivative, DELTA_P is a finite number that need not mean anything.
  * Status   FATAL where the law is undefined (J <= 0 without CLEAVE_INVERSION_SAFE). */
 #ifndef CLEAVE_ELASTICITY_H
 #define CLEAVE_ELASTICITY_H

@@ -220,7 +220,7 @@ std::vector<Check> elastic_paths_checks() {
        elasticity_kind, closed_cycle},
       {"elasticity.inversion", 33,
        "Collapse, inversion and stretches of 1e-6 to 1e6 give a finite stress or a status; a law declared inversion safe gives "
-       "a stress that drives an inverted point back, and all that it declares beside PIOLA.",
+       "a stress that drives an inverted point back, and with PIOLA finite outputs alone.",
        elasticity_kind, inversion},
   };
 }
