@@ -6,11 +6,16 @@
 #include <cleave/constraint.h>
 
 #include <fmt/format.h>
+#include <spdlog/spdlog.h>
 #include <tbb/parallel_for.h>
+#include <tbb/parallel_reduce.h>
+#include <tbb/task_arena.h>
 
 #include <Eigen/LU>
 #include <algorithm>
+#include <atomic>
 #include <cmath>
+#include <functional>
 #include <limits>
 
 namespace cleave::mpm {
@@ -19,49 +24,79 @@ namespace {
 constexpr std::uint32_t no_row = ~0u;
 /// More than what is lost of a position, in cells, at the farthest block.
 constexpr double position_rounding = 4e-9;
+/// Laws that share nodes take turns until one of all changes velocities by no more than this part of what the first did.
+constexpr double sweep_tolerance = 1e-3;
+constexpr int maximum_sweeps = 10;
+
+void run_tasks(const cleave_parallel*, std::uint64_t count, void (*task)(void*, std::uint64_t), void* argument) {
+  tbb::parallel_for(
+      std::uint64_t(0), count, [&](std::uint64_t i) { task(argument, i); }, tbb::simple_partitioner());
+}
 
 enum Prescribed : std::uint8_t { free_node = 0, fixed_velocity = 1, fixed_along_normal = 2 };
 }  // namespace
 
 template <class T, int D>
 std::size_t Constraints<T, D>::bytes_per_particle(const TileLayout& layout) {
-  const int numbers = D + 1 + 9 + (layout.fiber ? 3 : 0) + D * D;
+  const int numbers = D + 1 + 9 + (layout.fiber ? 3 : 0) + D * D + (layout.damage ? 1 : 0);
   return std::size_t(numbers) * sizeof(double) + stencil * sizeof(std::uint64_t);
 }
 
 template <class T, int D>
 void Constraints<T, D>::project(Grid<T, D>& grid, const std::vector<const Particles<T, D>*>& sets,
                                 const std::vector<HeldNode>& held, double time_step) {
-  collect_nodes(grid);
-  mark(held);
-  for (const auto& law : laws_) {
-    collect_particles(*sets[law.set]);
-    call(*law.instance, time_step);
+  double first = 0;
+  for (int sweep = 0; sweep < maximum_sweeps; sweep++) {
+    double change = 0;
+    for (auto& law : laws_) {
+      collect_particles(grid, *sets[law.set]);
+      collect_nodes(grid);
+      mark(held);
+      call(law, time_step);
+      change += write_back(grid);
+    }
+    if (sweep == 0) first = change;
+    if (change <= sweep_tolerance * sweep_tolerance * first) return;
+    if (sweep == 0 && (laws_.size() < 2 || !share_nodes(grid, sets))) return;
   }
-  write_back(grid);
+}
+
+template <class T, int D>
+bool Constraints<T, D>::share_nodes(const Grid<T, D>& grid, const std::vector<const Particles<T, D>*>& sets) const {
+  constexpr std::size_t none = ~std::size_t(0);
+  std::vector<std::size_t> law_of_block(grid.blocks(), none);
+  for (const auto& law : laws_)
+    for (const auto& block : sets[law.set]->blocks())
+      for (int k = 0; k < GridShape<D>::neighbours; k++) {
+        const std::uint32_t neighbour = block.neighbours[k];
+        if (law_of_block[neighbour] != none && law_of_block[neighbour] != law.set) return true;
+        law_of_block[neighbour] = law.set;
+      }
+  return false;
 }
 
 template <class T, int D>
 void Constraints<T, D>::collect_nodes(const Grid<T, D>& grid) {
   constexpr std::size_t block_nodes = Grid<T, D>::block_nodes;
-  row_of_node_.resize(grid.nodes());
-  std::vector<std::size_t> first(grid.blocks() + 1, 0);
-  tbb::parallel_for(std::size_t(0), grid.blocks(), [&](std::size_t b) {
-    for (std::size_t n = 0; n < block_nodes; n++) first[b + 1] += grid.node(b * block_nodes + n)[0] > 0;
+  std::vector<std::size_t> first(reached_blocks_.size() + 1, 0);
+  tbb::parallel_for(std::size_t(0), reached_blocks_.size(), [&](std::size_t i) {
+    const std::size_t begin = reached_blocks_[i] * block_nodes;
+    for (std::size_t n = begin; n < begin + block_nodes; n++) first[i + 1] += reached_[n] && grid.node(n)[0] > 0;
   });
-  for (std::size_t b = 0; b < grid.blocks(); b++) first[b + 1] += first[b];
+  for (std::size_t i = 0; i < reached_blocks_.size(); i++) first[i + 1] += first[i];
   const std::size_t rows = first.back();
   node_of_row_.resize(rows);
   mass_.resize(rows);
   velocity_.resize(rows * D);
   node_cell_.resize(rows * D);
   const double unit = reference_density_ * std::pow(cell_size_, D);
-  tbb::parallel_for(std::size_t(0), grid.blocks(), [&](std::size_t b) {
-    std::size_t row = first[b];
-    for (std::size_t n = b * block_nodes; n < (b + 1) * block_nodes; n++) {
+  tbb::parallel_for(std::size_t(0), reached_blocks_.size(), [&](std::size_t i) {
+    std::size_t row = first[i];
+    const std::size_t begin = reached_blocks_[i] * block_nodes;
+    for (std::size_t n = begin; n < begin + block_nodes; n++) {
       const T* node = grid.node(n);
       row_of_node_[n] = no_row;
-      if (!(node[0] > 0)) continue;
+      if (!reached_[n] || !(node[0] > 0)) continue;
       row_of_node_[n] = std::uint32_t(row);
       node_of_row_[row] = n;
       mass_[row] = double(node[0]) * unit;
@@ -73,6 +108,17 @@ void Constraints<T, D>::collect_nodes(const Grid<T, D>& grid) {
       row++;
     }
   });
+  // On the boundary of its support a weight is zero, and the node may be without mass. The middle node never is.
+  tbb::parallel_for(tbb::blocked_range<std::size_t>(0, volume_.size(), 1024), [&](const auto& range) {
+    for (std::size_t p = range.begin(); p < range.end(); p++) {
+      std::uint64_t* nodes = nodes_.data() + p * stencil;
+      const std::uint64_t middle = row_of_node_[nodes[stencil / 2]];
+      for (int n = 0; n < stencil; n++) {
+        const std::uint32_t row = row_of_node_[nodes[n]];
+        nodes[n] = row == no_row ? middle : row;
+      }
+    }
+  });
 }
 
 /// A node that is held along two directions counts as held altogether.
@@ -81,6 +127,8 @@ void Constraints<T, D>::mark(const std::vector<HeldNode>& held) {
   prescribed_.assign(mass_.size(), free_node);
   any_normal_ = false;
   for (const auto& h : held) {
+    const auto block = std::uint32_t(h.node / std::size_t(GridShape<D>::block_nodes));
+    if (!std::binary_search(reached_blocks_.begin(), reached_blocks_.end(), block)) continue;
     const std::uint32_t row = row_of_node_[h.node];
     if (row == no_row || prescribed_[row] == fixed_velocity) continue;
     if (h.normal.isZero()) {
@@ -101,7 +149,7 @@ void Constraints<T, D>::mark(const std::vector<HeldNode>& held) {
 }
 
 template <class T, int D>
-void Constraints<T, D>::collect_particles(const Particles<T, D>& particles) {
+void Constraints<T, D>::collect_particles(const Grid<T, D>& grid, const Particles<T, D>& particles) {
   constexpr int edge = GridShape<D>::block_edge, block_nodes = GridShape<D>::block_nodes, last = D == 3 ? 3 : 1;
   const TileLayout& l = particles.layout();
   const std::size_t count = particles.size();
@@ -110,6 +158,7 @@ void Constraints<T, D>::collect_particles(const Particles<T, D>& particles) {
   deformation_.resize(count * 9);
   fiber_.resize(l.fiber ? count * 3 : 0);
   velocity_gradient_.resize(count * D * D);
+  damage_.resize(l.damage ? count : 0);
   nodes_.resize(count * stencil);
   const auto& blocks = particles.blocks();
   std::vector<std::size_t> first(blocks.size());
@@ -118,6 +167,15 @@ void Constraints<T, D>::collect_particles(const Particles<T, D>& particles) {
     first[b] = next;
     next += blocks[b].count;
   }
+  reached_.resize(grid.nodes());
+  row_of_node_.resize(grid.nodes());
+  reached_blocks_.clear();
+  for (const auto& block : blocks)
+    reached_blocks_.insert(reached_blocks_.end(), block.neighbours, block.neighbours + GridShape<D>::neighbours);
+  std::sort(reached_blocks_.begin(), reached_blocks_.end());
+  reached_blocks_.erase(std::unique(reached_blocks_.begin(), reached_blocks_.end()), reached_blocks_.end());
+  for (const std::uint32_t block : reached_blocks_)
+    std::fill_n(reached_.begin() + std::ptrdiff_t(block) * block_nodes, block_nodes, 0);
   const double cell_volume = std::pow(cell_size_, D);
   tbb::parallel_for(tbb::blocked_range<std::size_t>(0, blocks.size(), 4), [&](const auto& range) {
     for (std::size_t b = range.begin(); b < range.end(); b++)
@@ -132,23 +190,23 @@ void Constraints<T, D>::collect_particles(const Particles<T, D>& particles) {
           const double inside = std::clamp(double(x) - double(start), 0.5, 1.5 - position_rounding);
           position_[p * D + a] = double(blocks[b].coordinate[a]) * edge + double(start) + inside;
         }
-        const auto row = [&](int x, int y, int z) {
+        const auto node = [&](int x, int y, int z) {
           const int neighbour = D == 3 ? (x / edge) * 9 + (y / edge) * 3 + z / edge : (x / edge) * 3 + y / edge;
           const int inside = D == 3 ? ((x % edge) * edge + y % edge) * edge + z % edge : (x % edge) * edge + y % edge;
-          return row_of_node_[std::size_t(blocks[b].neighbours[neighbour]) * block_nodes + std::size_t(inside)];
+          return std::size_t(blocks[b].neighbours[neighbour]) * block_nodes + std::size_t(inside);
         };
-        // On the boundary of its support a weight is zero, and the node may be without mass. The middle node never is.
-        const std::uint32_t middle = row(base[0] + 1, base[1] + 1, base[2] + (last == 3));
         std::uint64_t* to = nodes_.data() + p * stencil;
         for (int x = 0; x < 3; x++)
           for (int y = 0; y < 3; y++)
             for (int z = 0; z < last; z++) {
-              const std::uint32_t r = row(base[0] + x, base[1] + y, base[2] + z);
-              *to++ = r == no_row ? middle : r;
+              const std::size_t n = node(base[0] + x, base[1] + y, base[2] + z);
+              std::atomic_ref(reached_[n]).store(1, std::memory_order_relaxed);
+              *to++ = n;
             }
         const Matrix3 F = particles.deformation_or_b(slot);
         for (int c = 0; c < 9; c++) deformation_[p * 9 + c] = F(c / 3, c % 3);
         volume_[p] = double(particles.value(l.volume, slot)) * cell_volume * std::abs(F.determinant());
+        if (l.damage) damage_[p] = double(particles.value(l.damage, slot));
         for (int c = 0; l.fiber && c < 3; c++) fiber_[p * 3 + c] = double(particles.value(l.fiber, c, slot));
         for (int c = 0; c < D * D; c++) velocity_gradient_[p * D * D + c] = double(particles.value(l.affine, c, slot));
       }
@@ -156,7 +214,9 @@ void Constraints<T, D>::collect_particles(const Particles<T, D>& particles) {
 }
 
 template <class T, int D>
-void Constraints<T, D>::call(const plugins::Instance& law, double time_step) {
+void Constraints<T, D>::call(Law& called, double time_step) {
+  const plugins::Instance& law = *called.instance;
+  const cleave_parallel parallel{sizeof(cleave_parallel), std::uint32_t(tbb::this_task_arena::max_concurrency()), run_tasks};
   cleave_constraint_system system{};
   system.struct_size = sizeof system;
   system.dimension = D;
@@ -175,6 +235,8 @@ void Constraints<T, D>::call(const plugins::Instance& law, double time_step) {
   system.fiber = law.can(CLEAVE_NEEDS_FIBER) ? fiber_.data() : nullptr;
   system.velocity_gradient = velocity_gradient_.data();
   system.nodes = nodes_.data();
+  system.damage = damage_.empty() ? nullptr : damage_.data();
+  system.parallel = &parallel;
   cleave_constraint_report report{};
   report.struct_size = sizeof report;
   plugins::Message message;
@@ -194,6 +256,8 @@ void Constraints<T, D>::call(const plugins::Instance& law, double time_step) {
                        x[2]));
     }
   if (!std::isfinite(report.residual)) fail("reports a residual that is not a number");
+  if (*message.text() && !std::exchange(called.spoke, true))
+    spdlog::warn("plugin {}: {}; said once", law.description().id, message.text());
   statistics_.projections++;
   statistics_.iterations += report.iterations;
   statistics_.largest_residual = std::max(statistics_.largest_residual, report.residual);
@@ -201,14 +265,22 @@ void Constraints<T, D>::call(const plugins::Instance& law, double time_step) {
 
 /// Nodes that are held altogether keep their velocity, whatever a law does.
 template <class T, int D>
-void Constraints<T, D>::write_back(Grid<T, D>& grid) const {
-  tbb::parallel_for(tbb::blocked_range<std::size_t>(0, node_of_row_.size(), 1024), [&](const auto& range) {
-    for (std::size_t row = range.begin(); row < range.end(); row++) {
-      if (prescribed_[row] == fixed_velocity) continue;
-      T* node = grid.node(node_of_row_[row]);
-      for (int a = 0; a < D; a++) node[1 + a] = T(velocity_[row * D + a]);
-    }
-  });
+double Constraints<T, D>::write_back(Grid<T, D>& grid) const {
+  return tbb::parallel_deterministic_reduce(
+      tbb::blocked_range<std::size_t>(0, node_of_row_.size(), 1024), 0.0,
+      [&](const auto& range, double change) {
+        for (std::size_t row = range.begin(); row < range.end(); row++) {
+          if (prescribed_[row] == fixed_velocity) continue;
+          T* node = grid.node(node_of_row_[row]);
+          for (int a = 0; a < D; a++) {
+            const double before = double(node[1 + a]);
+            node[1 + a] = T(velocity_[row * D + a]);
+            change += mass_[row] * (double(node[1 + a]) - before) * (double(node[1 + a]) - before);
+          }
+        }
+        return change;
+      },
+      std::plus<>());
 }
 
 template class Constraints<float, 2>;

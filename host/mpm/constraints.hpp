@@ -12,9 +12,10 @@
 namespace cleave::mpm {
 
 /// Constraint laws: each changes the grid velocities after forces, handles and colliders so that its constraint holds for the
-/// particles of its material. Laws of several materials act one after another, in the order of the scene.
+/// particles of its material. Laws of several materials act one after another, in the order of the scene, and where they share
+/// nodes again and again, until hardly anything changes.
 ///
-/// The nodes that carry mass, of whatever material, are handed over in SI units and double precision.
+/// A law gets the nodes that its particles reach, in SI units and double precision. Others cost nothing.
 template <class T, int D>
 class Constraints {
  public:
@@ -41,23 +42,28 @@ class Constraints {
   struct Law {
     const plugins::Instance* instance;
     std::size_t set;
+    bool spoke = false;  // what it had to tell has been said
   };
+  void collect_particles(const Grid<T, D>&, const Particles<T, D>&);
   void collect_nodes(const Grid<T, D>&);
   void mark(const std::vector<HeldNode>&);
-  void collect_particles(const Particles<T, D>&);
-  void call(const plugins::Instance&, double time_step);
-  void write_back(Grid<T, D>&) const;
+  void call(Law&, double time_step);
+  /// The squared change of velocity, weighed by mass.
+  double write_back(Grid<T, D>&) const;
+  bool share_nodes(const Grid<T, D>&, const std::vector<const Particles<T, D>*>&) const;
 
   double cell_size_, reference_density_;
   std::vector<Law> laws_;
   Statistics statistics_;
-  std::vector<std::uint32_t> row_of_node_;  // of each node of the grid
+  std::vector<std::uint8_t> reached_;  // of each node of the grid: whether a particle reaches it; in these blocks only
+  std::vector<std::uint32_t> reached_blocks_;
+  std::vector<std::uint32_t> row_of_node_;
   std::vector<std::size_t> node_of_row_;
   std::vector<double> mass_, velocity_, normal_;
   std::vector<std::int32_t> node_cell_;
   std::vector<std::uint8_t> prescribed_;
   bool any_normal_ = false;
-  std::vector<double> position_, volume_, deformation_, fiber_, velocity_gradient_;
+  std::vector<double> position_, volume_, deformation_, fiber_, velocity_gradient_, damage_;
   std::vector<std::uint64_t> nodes_;
 };
 

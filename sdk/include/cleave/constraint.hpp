@@ -10,13 +10,52 @@
 #include <cleave/constraint.h>
 #include <cleave/plugin.hpp>
 
+#include <atomic>
+#include <exception>
+#include <string>
+
 namespace cleave {
 
 struct ConstraintReport {
   std::uint32_t iterations = 0;
   double residual = 0;     ///< |B v - c| relative to |B v* - c|
   std::uint64_t rows = 0;  ///< of B
+  std::string notice{};    ///< what the user should know, said once
 };
+
+/// Runs task(0), task(1), ... task(count - 1), on several threads where the host offers them. What they do must not depend on
+/// their order.
+template <class Task>
+void for_each(const cleave_parallel* parallel, std::uint64_t count, Task&& task) {
+  if (!parallel || count < 2) {
+    for (std::uint64_t i = 0; i < count; ++i) task(i);
+    return;
+  }
+  struct Shared {
+    Task& task;
+    std::atomic_flag failed{};
+    std::exception_ptr failure{};
+  } shared{task};
+  parallel->run(
+      parallel, count,
+      [](void* argument, std::uint64_t index) noexcept {
+        auto& shared = *static_cast<Shared*>(argument);
+        try {
+          shared.task(index);
+        } catch (...) {
+          if (!shared.failed.test_and_set()) shared.failure = std::current_exception();
+        }
+      },
+      &shared);
+  if (shared.failure) std::rethrow_exception(shared.failure);
+}
+inline const cleave_parallel* threads_of(const cleave_constraint_system& system) {
+  return CLEAVE_HAS(cleave_constraint_system, &system, parallel) ? system.parallel : nullptr;
+}
+/// Damage of a particle; 0 where the host gives none.
+inline double damage_of(const cleave_constraint_system& system, std::uint64_t particle) {
+  return CLEAVE_HAS(cleave_constraint_system, &system, damage) && system.damage ? system.damage[particle] : 0;
+}
 
 namespace detail {
 
@@ -44,6 +83,7 @@ struct KindOf<Kind::constraint, Solver> {
         report->residual = done.residual;
         report->rows = done.rows;
       }
+      if (!done.notice.empty()) write_message(message, "", done.notice);
       return CLEAVE_OK;
     });
   }

@@ -247,7 +247,9 @@ Projection project(const ConstraintInstance& instance, const GridSystem& system)
                                       data(copy.deformation),
                                       instance.reads_fibers() ? data(copy.fiber) : nullptr,
                                       data(copy.velocity_gradient),
-                                      data(copy.nodes)};
+                                      data(copy.nodes),
+                                      nullptr,
+                                      nullptr};
   Projection projection;
   projection.report.struct_size = sizeof projection.report;
   Words words;

@@ -76,7 +76,9 @@ struct System {
            deformation.data(),
            fiber.data(),
            gradient.data(),
-           nodes.data()};
+           nodes.data(),
+           nullptr,
+           nullptr};
   }
 
   void fix(std::uint64_t node) { prescribed[node] = 1; }

@@ -14,8 +14,8 @@ namespace {
 
 /// Largest residual of what counts as projected, relative.
 constexpr double tolerance = 1e-6;
-/// Largest error of velocities, relative to sqrt(v*^T M v*). Rows on a grid see some velocities hardly: a residual that is small
-/// leaves more of those, and so does a relaxation by 1e-6.
+/// Largest error of velocities, relative to sqrt(v*^T M v*). Rows on a grid see some velocities hardly: a residual that is
+/// small leaves more of those, and so does a relaxation by 1e-6.
 constexpr double velocity_tolerance = 5e-4;
 
 std::string number(double value) {
@@ -300,7 +300,7 @@ void inputs_unchanged(Context& context) {
             system.node_count(), mass.read_only(), velocity.data(), node_cell.read_only(), prescribed.read_only(),
             system.normal.empty() ? nullptr : normal.read_only(), system.particle_count(), position.read_only(),
             volume.read_only(), deformation.read_only(), instance.reads_fibers() ? fiber.read_only() : nullptr,
-            gradient.read_only(), nodes.read_only()});
+            gradient.read_only(), nodes.read_only(), nullptr, nullptr});
         if (!larger) seen.known.struct_size = sizeof seen.known;
         const Guarded<char> the_system(reinterpret_cast<const char*>(&seen), seen.known.struct_size);
         Enlarged report(cleave_constraint_report{});
