@@ -14,6 +14,12 @@ struct SolveWork {
   std::int64_t evaluations = 0;  ///< of the incremental potential and its gradient
   std::int64_t products = 0;     ///< with its Hessian
   std::int64_t tangents = 0;     ///< for preconditioners
+
+  void operator+=(const SolveWork& o) {
+    evaluations += o.evaluations;
+    products += o.products;
+    tangents += o.tangents;
+  }
 };
 
 /// What an implicit step costs, in symplectic steps of the same scene.

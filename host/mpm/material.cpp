@@ -205,13 +205,13 @@ std::vector<std::string> unsupported(const config::Scene& scene, const plugins::
         problem(law.use->where, law.description->id + " accepts only b, but " + needs_F->id + " needs F");
     const auto* elasticity = registry.find(m.elasticity.id);
     const bool implicit = scene.simulation.integrator == config::Integrator::implicit;
-    if (elasticity && implicit && !elasticity->can(CLEAVE_HAS_TANGENT)) {
+    if (elasticity && scene.simulation.integrator != config::Integrator::symplectic && !elasticity->can(CLEAVE_HAS_TANGENT)) {
       std::vector<std::string> able;
       for (const auto& id : registry.ids(plugins::Kind::elasticity))
         if (const auto* law = registry.find(id); law && law->can(CLEAVE_HAS_TANGENT)) able.push_back(id);
-      problem(m.elasticity.where, elasticity->id +
-                                      " declares no tangent, which simulation.integrator = \"implicit\" needs; laws that do: " +
-                                      fmt::format("{}", fmt::join(able, ", ")));
+      problem(m.elasticity.where,
+              fmt::format("{} declares no tangent, which simulation.integrator = \"{}\" needs; laws that do: {}",
+                          elasticity->id, implicit ? "implicit" : "auto", fmt::join(able, ", ")));
     }
     if (elasticity && !implicit && !scene.simulation.time_step && !elasticity->can(CLEAVE_HAS_WAVE_MODULUS))
       problem(m.elasticity.where, elasticity->id +

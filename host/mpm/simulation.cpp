@@ -8,6 +8,7 @@
 #include "mpm/grid.hpp"
 #include "mpm/handles.hpp"
 #include "mpm/implicit.hpp"
+#include "mpm/integrator_choice.hpp"
 #include "mpm/law_watch.hpp"
 #include "mpm/material.hpp"
 #include "mpm/particles.hpp"
@@ -78,7 +79,7 @@ class MpmSimulation final : public Simulation {
     for (const auto& m : materials_) reference_density_ = std::max(reference_density_, m->density());
     constants_.reserve(64);
     std::fill_n(reinterpret_cast<T*>(constants_.data()) + lanes, lanes, T(1));
-    if (scene.simulation.integrator == config::Integrator::implicit)
+    if (scene.simulation.integrator != config::Integrator::symplectic)
       implicit_ = std::make_unique<ImplicitStep<T, D>>(scene.simulation.implicit, cell_size_, reference_density_);
     populate();
     sort();
@@ -88,7 +89,7 @@ class MpmSimulation final : public Simulation {
         for (int a = 0; a < D; a++)
           maximum_speed_ = std::max(maximum_speed_, std::abs(double(s->value(s->layout().velocity, a, slot))));
       });
-    if (!scene.simulation.time_step && !implicit_) measure_waves();
+    if (!scene.simulation.time_step && scene.simulation.integrator != config::Integrator::implicit) measure_waves();
     check_damage_step();
   }
 
@@ -137,6 +138,10 @@ class MpmSimulation final : public Simulation {
 
   /// Damage of F_n first, then forces with it, then momentum and strain.
   void advance(double dt) override {
+    // What the other integrator can do in one step, too, is not worth a solve.
+    const bool implicit = scene_.simulation.integrator == config::Integrator::implicit ||
+                          (choice_.implicit() && dt > symplectic_step_ * (1 + 1e-9));
+    work_ = {};
     drive_damage(dt);
     const int passes = any_evolution_ ? scene_.simulation.damage.passes : 1;
     std::vector<Buffer> start;
@@ -147,12 +152,16 @@ class MpmSimulation final : public Simulation {
         restore(start);
       }
       evolve_damage(dt);
-      if (implicit_)
+      if (implicit)
         move_implicitly(time_, dt, pass + 1 < passes, passes == 1 ? most_halvings : 0);
       else
         move(dt, pass + 1 < passes);
     }
-    integrators_[implicit_ ? "implicit" : "symplectic"]++;
+    integrators_[implicit ? "implicit" : "symplectic"]++;
+    if (implicit)
+      choice_.took_implicit_step(work_, dt);
+    else
+      choice_.took_symplectic_step();
   }
 
   void move(double dt, bool trial) {
@@ -215,8 +224,13 @@ class MpmSimulation final : public Simulation {
   void update_grid(const StepView&);
   void add_gravity(double dt);
   void hold_handles(const StepView&, std::vector<HeldNode>*);
-  /// Velocities at the end of an implicit step. Returns false if there is no solution, or throws if none `has_to` be left.
+  using Solve = typename ImplicitStep<T, D>::Outcome;
+  /// Velocities at the end of an implicit step, from a grid that has masses and momenta, if they cost no more than `most`.
+  Solve solve(const StepView&, double most);
+  /// The same, counted. Returns false if there is no solution, or throws if none `has_to` be left.
   bool solve_grid(const StepView&, bool has_to);
+  /// What an implicit step from the present state costs; empty if that is more than `most` or there is no solution.
+  std::optional<SolveWork> try_implicit_step(double dt, double most);
   void apply_constraints(const StepView&);
   /// A trial leaves particles that have no damage where they are.
   void grid_to_particles(const StepView&, bool trial);
@@ -283,7 +297,10 @@ class MpmSimulation final : public Simulation {
   Grid<T, D> grid_;
   Colliders<T, D> colliders_;
   Handles<T, D> handles_;
-  std::unique_ptr<ImplicitStep<T, D>> implicit_;                                      // null if steps are symplectic
+  std::unique_ptr<ImplicitStep<T, D>> implicit_;                                      // null if all steps are symplectic
+  IntegratorChoice choice_;                                                           // of an automatic integrator
+  double symplectic_step_ = 0;                                                        // the largest from the present state
+  SolveWork work_;                                                                    // of the implicit step that goes on
   std::int64_t implicit_solves_ = 0, newton_iterations_ = 0, linear_iterations_ = 0;  // since the last record
   std::unique_ptr<Constraints<T, D>> constraints_;                                    // null if no material has one
   std::vector<HeldNode> held_nodes_;                                                  // in this step, kept for constraints only
@@ -511,22 +528,30 @@ Bound MpmSimulation<T, D>::largest_step() {
   };
   if (sim.time_step) {
     consider(*sim.time_step, "fixed");
-  } else {
-    if (!implicit_) {
-      if (steps_ - waves_at_ >= wave_interval) measure_waves();
-      consider(wave_step_, "elastic wave");
-    }
-    const double speed = std::max({maximum_speed_, colliders_.maximum_speed(time_), handles_.maximum_speed(time_)});
-    // a particle moves less than half a cell; gravity alone may still speed it up during the step
-    const double g = sim.gravity.norm(), half = 0.5 * cell_size_;
-    if (speed > 0 || g > 0) consider(2 * half / (speed + std::sqrt(speed * speed + 4 * g * half)), "particle speed");
-    if (sim.maximum_time_step > 0) consider(sim.maximum_time_step, "maximum");
-    double damage_step = std::numeric_limits<double>::infinity();
-    for (const auto& d : damage_)
-      if (d) damage_step = std::min(damage_step, d->stable_step());
-    consider(damage_step, "explicit damage");
+    return bound;
   }
-  return bound;
+  const double speed = std::max({maximum_speed_, colliders_.maximum_speed(time_), handles_.maximum_speed(time_)});
+  // a particle moves less than half a cell; gravity alone may still speed it up during the step
+  const double g = sim.gravity.norm(), half = 0.5 * cell_size_;
+  if (speed > 0 || g > 0) consider(2 * half / (speed + std::sqrt(speed * speed + 4 * g * half)), "particle speed");
+  if (sim.maximum_time_step > 0) consider(sim.maximum_time_step, "maximum");
+  double damage_step = std::numeric_limits<double>::infinity();
+  for (const auto& d : damage_)
+    if (d) damage_step = std::min(damage_step, d->stable_step());
+  consider(damage_step, "explicit damage");
+  if (sim.integrator == config::Integrator::implicit) return bound;
+
+  Bound implicit = bound;
+  if (1 / sim.frame_rate < implicit.seconds) implicit = {1 / sim.frame_rate, "frame"};
+  if (steps_ - waves_at_ >= wave_interval) measure_waves();
+  consider(wave_step_, "elastic wave");
+  if (sim.integrator == config::Integrator::symplectic) return bound;
+
+  symplectic_step_ = bound.seconds;
+  const auto said = choice_.choose({.symplectic = bound, .implicit = implicit},
+                                   [&](double most) { return try_implicit_step(implicit.seconds, most); });
+  if (said) spdlog::info("t = {:.6g} s: {}", time_, *said);
+  return choice_.implicit() ? implicit : bound;
 }
 
 // ------------------------------------------------------------------------------------------------- damage
@@ -646,7 +671,7 @@ void MpmSimulation<T, D>::update_grid(const StepView& step) {
 }
 
 template <class T, int D>
-bool MpmSimulation<T, D>::solve_grid(const StepView& step, bool has_to) {
+auto MpmSimulation<T, D>::solve(const StepView& step, double most) -> Solve {
   Timer timer(*this, implicit_stage);
   add_gravity(step.time_step);
   std::vector<typename ImplicitStep<T, D>::Part> parts;
@@ -654,9 +679,23 @@ bool MpmSimulation<T, D>::solve_grid(const StepView& step, bool has_to) {
   held_nodes_.clear();
   hold_handles(step, &held_nodes_);
   auto boundary = ImplicitBoundary<T, D>(held_nodes_, colliders_.contacts(grid_, step.start + step.time_step), grid_.data());
-  const auto outcome = implicit_->solve(grid_, parts, boundary, step.time_step, scene_.simulation.gravity * step.time_step,
-                                        std::numeric_limits<double>::infinity());
+  auto outcome = implicit_->solve(grid_, parts, boundary, step.time_step, scene_.simulation.gravity * step.time_step, most);
   held_nodes_ = boundary.held();
+  return outcome;
+}
+
+template <class T, int D>
+std::optional<SolveWork> MpmSimulation<T, D>::try_implicit_step(double dt, double most) {
+  StepView step = step_view(time_, dt);
+  particles_to_grid(step, false);
+  const Solve outcome = solve(step, most);
+  return outcome.solved ? std::optional(outcome.work) : std::nullopt;
+}
+
+template <class T, int D>
+bool MpmSimulation<T, D>::solve_grid(const StepView& step, bool has_to) {
+  const Solve outcome = solve(step, std::numeric_limits<double>::infinity());
+  work_ += outcome.work;
   implicit_solves_++;
   newton_iterations_ += outcome.newton_iterations;
   linear_iterations_ += outcome.linear_iterations;
