@@ -1,10 +1,8 @@
 #include <cleave/projection.hpp>
 
-#include <algorithm>
+#include <array>
 #include <cmath>
-#include <cstddef>
 #include <cstdint>
-#include <vector>
 
 namespace {
 using namespace cleave;
@@ -43,36 +41,14 @@ struct Incompressibility {
                                                        .valid = at_least(1),
                                                        .description = "of conjugate gradients in a step"}));
 
-  /// A correction w of volumes adds to the kinetic energy of the velocity v without it. Where the sum exceeds that of the
-  /// velocity given, what is left is v + theta w, whose energy is just that.
-  ConstraintReport project(const cleave_constraint_system& system) const {
-    const std::size_t size = system.node_count * system.dimension;
-    const std::vector<double> given(system.velocity, system.velocity + size);
-    ConstraintReport report = meet(system, stabilization / system.time_step);
-    const double available = product(system, given.data(), given.data());
-    if (stabilization == 0 || product(system, system.velocity, system.velocity) <= available) return report;
-
-    std::vector<double> w(system.velocity, system.velocity + size);
-    std::copy(given.begin(), given.end(), system.velocity);
-    const ConstraintReport second = meet(system, 0);
-    for (std::size_t k = 0; k < size; ++k) w[k] -= system.velocity[k];
-    const double squared = product(system, w.data(), w.data()), along = product(system, w.data(), system.velocity);
-    const double surplus = std::max(0.0, available - product(system, system.velocity, system.velocity));
-    const double theta = squared > 0 ? (std::sqrt(along * along + squared * surplus) - along) / squared : 0;
-    for (std::size_t k = 0; k < size; ++k) system.velocity[k] += std::clamp(theta, 0.0, 1.0) * w[k];
-    report.iterations += second.iterations;
-    report.residual = std::max(report.residual, second.residual);
-    return report;
-  }
-
- private:
-  ConstraintReport meet(const cleave_constraint_system& system, double rate) const {
-    Projection projection(system);
-    for (const auto& cell : particles_by_cell(system)) {
+  ConstraintReport project(const cleave_constraint_system& system) {
+    Projection projection(system, memory_);
+    for (const auto& particles : particles_by_cell(system)) {
       double gain = 0;
-      for (const std::uint64_t p : cell) gain += gained_volume(system, p);
-      projection.begin_row(-rate * gain);
-      for (const std::uint64_t p : cell) {
+      for (const std::uint64_t p : particles) gain += gained_volume(system, p);
+      projection.begin_row(
+          {.correction = -stabilization / system.time_step * gain, .cell = cell_of(system, particles.front())});
+      for (const std::uint64_t p : particles) {
         const GradientWeights grad = gradient_weights(system, p);
         for (unsigned n = 0; n < grad.count; ++n) {
           std::array<double, 3> divergence = grad.value[n];
@@ -84,6 +60,7 @@ struct Incompressibility {
     return projection.solve({.tolerance = tolerance, .maximum_iterations = std::uint32_t(maximum_iterations)});
   }
 
+ private:
   /// V - V0 = V (1 - 1/|J|)
   static double gained_volume(const cleave_constraint_system& system, std::uint64_t particle) {
     const double* F = system.deformation + particle * 9;
@@ -91,14 +68,14 @@ struct Incompressibility {
         F[0] * (F[4] * F[8] - F[5] * F[7]) - F[1] * (F[3] * F[8] - F[5] * F[6]) + F[2] * (F[3] * F[7] - F[4] * F[6]);
     return J != 0 ? system.volume[particle] * (1 - 1 / std::abs(J)) : 0;
   }
-
-  /// u^T M v
-  static double product(const cleave_constraint_system& system, const double* u, const double* v) {
-    double sum = 0;
-    for (std::size_t k = 0; k < system.node_count * system.dimension; ++k)
-      sum += system.mass[k / system.dimension] * u[k] * v[k];
-    return sum;
+  static std::array<std::int32_t, 3> cell_of(const cleave_constraint_system& system, std::uint64_t particle) {
+    std::array<std::int32_t, 3> cell{};
+    for (std::uint32_t a = 0; a < system.dimension; ++a)
+      cell[a] = std::int32_t(std::floor(system.position[particle * system.dimension + a]));
+    return cell;
   }
+
+  ProjectionMemory memory_;
 };
 
 }  // namespace
