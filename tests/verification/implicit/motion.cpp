@@ -352,6 +352,43 @@ TEST(ImplicitStep, TwistsAStiffBarMoreCheaply) {
   EXPECT_LT(5 * costs[1], costs[0]);
 }
 
+/// Each half has less to do than the whole.
+TEST(ImplicitStep, IsTakenInHalvesWhereThereIsNoSolution) {
+  std::vector<std::vector<mpm::ParticleState>> ends;
+  for (const int iterations : {30, 2}) {
+    auto s = scene_of(2, 0.1, block(2, 0.1, stretch), laws[0]);
+    s->scene.simulation.time_step = 0.02;
+    s->scene.simulation.implicit.maximum_iterations = iterations;
+    const auto simulation = s->start();
+    simulation->step(1);
+    const auto r = simulation->measure();
+    EXPECT_EQ(r.time, 0.02);
+    EXPECT_EQ(r.steps, 1);
+    EXPECT_EQ(r.newton_iterations <= 2, iterations == 2);
+    ends.push_back(simulation->state());
+  }
+  EXPECT_GT(distance(ends[0], ends[1]), 0) << "the steps are shorter";
+  EXPECT_LT(distance(ends[0], ends[1]), 0.01);
+}
+
+TEST(ImplicitStep, SaysWhatToChangeWhereItFails) {
+  auto s = scene_of(2, 0.1, block(2, 0.1, stretch), laws[0]);
+  s->scene.simulation.time_step = 0.1;
+  s->scene.simulation.implicit.maximum_iterations = 1;
+  s->scene.simulation.implicit.tolerance = 1e-13;
+  const auto simulation = s->start();
+  const auto before = simulation->state();
+  try {
+    simulation->step(1);
+    FAIL();
+  } catch (const SimulationError& e) {
+    for (const char* part : {"step 0 at t = 0 s", "Newton", "simulation.maximum_time_step", "maximum_iterations"})
+      EXPECT_NE(std::string(e.what()).find(part), std::string::npos) << part << " in " << e.what();
+  }
+  const auto after = simulation->state();
+  for (std::size_t i = 0; i < after.size(); i++) EXPECT_EQ(after[i].position, before[i].position);
+}
+
 TEST(ImplicitStep, RefusesLawsWithoutTangent) {
   auto path = plugins::Registry::default_search_path();
   path.push_back(CLEAVE_BINARY_DIR "/tests/abi_plugins");
