@@ -1,0 +1,44 @@
+#pragma once
+
+#include "../mpm/scenes.hpp"
+
+#include <gtest/gtest.h>
+
+#include <cmath>
+#include <string>
+
+namespace cleave::test {
+
+/// A scene of one body with a constraint.
+struct Constrained : PointScene {
+  using PointScene::PointScene;
+
+  void constrain(const std::string& id, const plugins::GivenParameters& parameters = {}) {
+    config::Material& material = scene.materials[0];
+    material.constraint.emplace();
+    material.constraint->id = id;
+    material.constraint->parameters = parameters;
+  }
+  void lay_fibers(const Vector3& direction) {
+    scene.materials[0].fibers.emplace();
+    scene.materials[0].fibers->direction = direction;
+  }
+  void hold(const Vector3& center, const Vector3& size) {
+    config::Handle h;
+    h.name = "handle-" + std::to_string(scene.handles.size());
+    h.region.center = center;
+    h.region.size = size;
+    scene.handles.push_back(h);
+  }
+  void add_wall(const Vector3& point, const Vector3& normal, config::Contact contact) {
+    config::Collider c;
+    c.name = "wall-" + std::to_string(scene.colliders.size());
+    c.shape.type = cleave::scene::ShapeSpec::Type::half_space;
+    c.shape.axis = normal;
+    c.shape.center = point;
+    c.contact = contact;
+    scene.colliders.push_back(c);
+  }
+};
+
+}  // namespace cleave::test
