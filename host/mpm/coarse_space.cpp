@@ -177,6 +177,12 @@ void CoarseSpace<T, D>::build(const Grid<T, D>& grid, const IncrementalPotential
   A.setFromTriplets(entries.begin(), entries.end());
   factor_.compute(A);
   ready_ = factor_.info() == Eigen::Success && factor_.vectorD().minCoeff() > 0;
+  multiplications_ = 0;
+  const auto& L = factor_.matrixL().nestedExpression();
+  for (Eigen::Index column = 0; column < unknowns; column++) {
+    const double below = L.outerIndexPtr()[column + 1] - L.outerIndexPtr()[column];
+    multiplications_ += below * below;
+  }
   right_.resize(unknowns);
   parts_.resize(octants_.size() * std::size_t(size));
 }

@@ -27,6 +27,8 @@ class CoarseSpace {
   void build(const Grid<T, D>&, const IncrementalPotential<T, D>&, const ImplicitBoundary<T, D>&);
   /// There is none where the operator cannot be factorised.
   bool ready() const { return ready_; }
+  /// Multiplications that factorising the operator took.
+  double multiplications() const { return multiplications_; }
 
   /// y = A^-1 P^T r; returns r . P y.
   double solve(const T* residual);
@@ -51,6 +53,7 @@ class CoarseSpace {
   int edge_ = 0;  ///< of an element, in cells
   std::size_t corner_count_ = 0;
   bool ready_ = false;
+  double multiplications_ = 0;
   Eigen::SimplicialLDLT<Eigen::SparseMatrix<double>> factor_;
   Eigen::VectorXd right_, solution_;
   std::vector<double> parts_;

@@ -28,6 +28,8 @@ auto ImplicitStep<T, D>::solve(Grid<T, D>& grid, const std::vector<Part>& parts,
   boundary_ = &boundary;
   time_step_ = time_step;
   most_ = most;
+  particles_ = 0;
+  for (const Part& part : parts) particles_ += part.particles->size();
   prepared_ = false;
   potential_.begin(grid, parts, time_step, cell_size_, reference_density_);
   for (Buffer* b : {&velocity_, &trial_, &gradient_, &direction_, &residual_, &preconditioned_, &search_, &product_})
@@ -268,6 +270,7 @@ void ImplicitStep<T, D>::precondition() {
       for (int c = r; c < D; c++, at++) to[at] = T(block(r, c));
   });
   coarse_.build(*grid_, potential_, *boundary_);
+  outcome_.work.factorisation += coarse_.multiplications() / double(particles_);
 }
 
 /// z = B r; returns r . z. Where nothing is held, the momentum of r is zero and so is that of M z: conjugate gradients keep

@@ -62,6 +62,7 @@ class ImplicitStep {
   const Grid<T, D>* grid_ = nullptr;
   ImplicitBoundary<T, D>* boundary_ = nullptr;
   double time_step_ = 0, most_ = 0;
+  std::size_t particles_ = 0;
   Outcome outcome_;
   Buffer velocity_, trial_, gradient_, direction_, residual_, preconditioned_, search_, product_;
   Buffer inverse_;  // of the diagonal blocks, diagonal_numbers per node

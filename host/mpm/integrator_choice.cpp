@@ -7,10 +7,13 @@
 namespace cleave::mpm {
 namespace {
 
-constexpr double step_cost = 1;  // transfers, without the stress of a symplectic step
-constexpr double evaluation_cost = 1.0;
-constexpr double product_cost = 1.3;
-constexpr double tangent_cost = 3;
+// In symplectic steps: shares of the processor's time (perf) in implicit steps of a cube of 110,000 particles, neo-Hookean in
+// single precision on one thread, over the work of those steps; docs/performance.md has the command.
+constexpr double step_cost = 1;  // transfers
+constexpr double evaluation_cost = 1.3;
+constexpr double product_cost = 1.3;  // with what else an iteration of conjugate gradients does
+constexpr double tangent_cost = 7.5;
+constexpr double multiplication_cost = 0.02;
 
 constexpr double margin = 1.25;     // by which implicit steps have to be cheaper to be chosen
 constexpr double trial_share = 20;  // a trial costs at most this part of the symplectic steps that follow it
@@ -23,7 +26,7 @@ const double least_cost = implicit_cost({.evaluations = 2, .products = 1, .tange
 
 double implicit_cost(const SolveWork& work) {
   return step_cost + evaluation_cost * double(work.evaluations) + product_cost * double(work.products) +
-         tangent_cost * double(work.tangents);
+         tangent_cost * double(work.tangents) + multiplication_cost * work.factorisation;
 }
 
 void IntegratorChoice::add(double cost, double time_step) {

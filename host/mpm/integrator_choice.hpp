@@ -9,16 +9,18 @@
 
 namespace cleave::mpm {
 
-/// How often the solve of an implicit step went over all particles.
+/// How often the solve of an implicit step went over all particles, and what does not grow with them.
 struct SolveWork {
   std::int64_t evaluations = 0;  ///< of the incremental potential and its gradient
   std::int64_t products = 0;     ///< with its Hessian
   std::int64_t tangents = 0;     ///< for preconditioners
+  double factorisation = 0;      ///< multiplications, per particle
 
   void operator+=(const SolveWork& o) {
     evaluations += o.evaluations;
     products += o.products;
     tangents += o.tangents;
+    factorisation += o.factorisation;
   }
 };
 

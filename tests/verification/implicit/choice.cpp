@@ -52,7 +52,7 @@ struct HangingBar : PointScene {
       : PointScene(2, dx, lattice(2, dx, 2, Vector3(-2 * dx, 0, 0), Vector3(16 * dx, 4 * dx, 0)),
                    "elasticity/split-neo-hookean", {{"youngs_modulus", youngs_modulus}, {"poissons_ratio", 0.3}}, density) {
     scene.simulation.gravity = Vector3(0, -1, 0);
-    scene.simulation.maximum_time_step = 0.02;
+    scene.simulation.maximum_time_step = 0.04;
     scene.colliders.push_back(half_space(config::Contact::sticky, Vector3(1, 0, 0)));
   }
 };
@@ -95,14 +95,14 @@ TEST(AutomaticIntegrator, StepsAStiffSlowBarImplicitly) {
   HangingBar bar(1e8);
   const auto simulation = run(bar, Integrator::automatic, 0.2);
   EXPECT_EQ(integrators(*simulation).at("implicit"), simulation->steps()) << said.text();
-  EXPECT_EQ(simulation->steps(), 10);
+  EXPECT_EQ(simulation->steps(), 5);
   EXPECT_THAT(said.text(), HasSubstr("implicit steps: "));
   EXPECT_THAT(said.text(), HasSubstr("elastic wave"));
   EXPECT_EQ(said.lines(), 1) << said.text();
   expect_same(*simulation, *run(bar, Integrator::implicit, 0.2));
 }
 
-/// The same bar so soft that a symplectic step is a twelfth of an implicit one, whose cost only a trial tells.
+/// The same bar so soft that an implicit step is worth 23 symplectic ones, and what it costs only a trial tells.
 TEST(AutomaticIntegrator, LeavesNoTraceOfItsTrials) {
   const Said said;
   HangingBar bar(1e5);
