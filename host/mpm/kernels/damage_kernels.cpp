@@ -4,7 +4,7 @@
 //   grad_i(x_p) = 4 w_ip (x_i - x_p),   K_ij = sum_p V_p grad_i . grad_j,   lap d = -M^-1 K d,   M_i = sum_p V_p w_ip
 // in cells. With o = offset of the middle node from the particle, x_i - x_p = o + (-1, 0, 1) along each axis.
 
-#include "mpm/kernels/tiles.hpp"
+#include "mpm/kernels/quads.hpp"
 
 #include <algorithm>
 
@@ -209,74 +209,93 @@ void collect(const ParticleView& set, const BlockView& block, const DamageView& 
   merge_arena<T, D>(nodes, block, s.collected);
 }
 
+/// What a group of particles of one cell adds to K f, from weights in the layout of `tile_weights` with planes: value are rows
+/// of f, c is 16 V of each particle.
+template <class T, int D>
+CLEAVE_INLINE void add_stiffness(const T* w, const Quads<T>& c, const Quads<T> (&value)[stencil_rows<D>],
+                                 Quads<T> (&sum)[stencil_rows<D>]) {
+  using W = WeightRows<D>;
+  using Q = Quads<T>;
+  constexpr int lanes = tile_lanes<T>, rows = stencil_rows<D>;
+  static constexpr T node_offsets[4] = {-1, 0, 1, 0};
+  const Q along_row = repeat_quad(node_offsets);
+  const auto row = [&](int r) { return spread(w + r * lanes); };
+  const auto offset = [&](int a) { return row(W::offset + a); };
+  const Q last = for_nodes<T>(row(W::axis(D - 1)), row(W::axis(D - 1) + 1), row(W::axis(D - 1) + 2));
+  Q plane[rows];
+  for (int r = 0; r < rows; r++) plane[r] = row(D == 3 ? W::plane + r : r);
+  // gradient: sums of w f and of w f times (-1, 0, 1) along each axis
+  Q all{}, along_x{}, along_y{};
+  for (int i = 0; i < rows; i += 3) {
+    const Q low = plane[i] * value[i];
+    const Q up_to_middle = low + plane[i + 1] * value[i + 1], line = up_to_middle + plane[i + 2] * value[i + 2];
+    const Q slope = plane[i + 2] * value[i + 2] - low;
+    all += line;
+    if constexpr (D == 3) {
+      along_y += slope;
+      if (i == 0) along_x -= line;
+      if (i == 6) along_x += line;
+    } else {
+      along_x = slope;
+    }
+  }
+  const Q weighted = all * last, total = sum_quads<T>(weighted);
+  const Q gx = c * (sum_quads<T>(along_x * last) + offset(0) * total);
+  const Q gz = c * (sum_quads<T>(along_row * weighted) + offset(D - 1) * total);
+  // back: w (g . (x_i - x_p))
+  Q middle = gx * offset(0) + gz * offset(D - 1);
+  if constexpr (D == 3) {
+    const Q gy = c * (sum_quads<T>(along_y * last) + offset(1) * total);
+    middle += gy * offset(1);
+    const Q base = last * (middle + along_row * gz), step_x = gx * last, step_y = gy * last;
+    for (int i = 0; i < 3; i++) {
+      const Q line = i == 0 ? base - step_x : i == 1 ? base : base + step_x;
+      sum[3 * i] += plane[3 * i] * (line - step_y);
+      sum[3 * i + 1] += plane[3 * i + 1] * line;
+      sum[3 * i + 2] += plane[3 * i + 2] * (line + step_y);
+    }
+  } else {
+    const Q base = last * (middle + along_row * gz), step_x = gx * last;
+    sum[0] += plane[0] * (base - step_x);
+    sum[1] += plane[1] * base;
+    sum[2] += plane[2] * (base + step_x);
+  }
+}
+
 template <class T, int D>
 void stiffness(const ParticleView& set, const BlockView& block, const DamageView& view, const T* from, T* to, void* scratch) {
   auto& s = *static_cast<DamageScratch<T, D>*>(scratch);
-  constexpr int lanes = tile_lanes<T>, rows = stencil_rows<D>;
+  using W = WeightRows<D>;
+  using V = Part<T>;
+  constexpr int lanes = tile_lanes<T>, rows = stencil_rows<D>, group = side_by_side<T>;
   load_numbers<T, D>(from, block, s.from);
   if (!any_number<T, D>(s.from)) return;
   for_chunks<T>(set, block, [&](const Chunk& chunk) {
     chunk_weights<T, D>(set, chunk, s);
-    for (int k = 0; k < chunk.tiles; k++)
-      store<T>(s.coefficient + k * lanes,
-               T(16) * load<T>(static_cast<T*>(view.volume) + (chunk.first + std::uint64_t(k)) * lanes));
+    const T* volume = static_cast<const T*>(view.volume) + chunk.first * lanes;
+    for (int p = 0; p < chunk.tiles * lanes; p += V::lanes) store<V>(s.coefficient + p, T(16) * load<V>(volume + p));
     for (int p = 0; p < chunk.points;) {
       const std::int32_t first = s.node[p];
-      Quad<T> value[rows], sum[rows];
-      auto present = Quad<T>{} != Quad<T>{};
+      int end = p + 1;
+      while (end < chunk.points && s.node[end] == first) end++;
+      Quads<T> value[rows], sum[rows];
+      TileMask<Quads<T>> present{};
       for (int r = 0; r < rows; r++) {
-        value[r] = load_row(s.from + first + row_start<D>(r));
+        value[r] = repeat_quad(s.from + first + row_start<D>(r));
         present |= value[r] != T(0);
-        sum[r] = Quad<T>{};
+        sum[r] = Quads<T>{};
       }
-      if (!any(present)) {
-        while (++p < chunk.points && s.node[p] == first) continue;
-        continue;
+      if (any(present)) {
+        for (int g = p / group * group; g < end; g += group) {
+          alignas(64) T own[group];  // none of particles in other cells
+          for (int l = 0; l < group; l++) own[l] = g + l >= p && g + l < end ? s.coefficient[g + l] : T(0);
+          const bool whole = g >= p && g + group <= end;
+          add_stiffness<T, D>(s.weights + (g / lanes) * (W::count * lanes) + g % lanes, spread(whole ? s.coefficient + g : own),
+                              value, sum);
+        }
+        for (int r = 0; r < rows; r++) add_row<T>(s.to + first + row_start<D>(r), add_up<T>(sum[r]));
       }
-      do {
-        const Stencil<T, D> w(s.weights, p);
-        const Quad<T> last = w.last();
-        // gradient: sums of w f and of w f times (-1, 0, 1) along each axis
-        Quad<T> all{}, along_x{}, along_y{};
-        if constexpr (D == 3) {
-          for (int i = 0; i < 3; i++) {
-            const Quad<T> low = w.plane(3 * i) * value[3 * i], high = w.plane(3 * i + 2) * value[3 * i + 2];
-            const Quad<T> line = low + w.plane(3 * i + 1) * value[3 * i + 1] + high;
-            all += line;
-            along_y += high - low;
-            if (i == 0) along_x -= line;
-            if (i == 2) along_x += line;
-          }
-        } else {
-          const Quad<T> low = w.plane(0) * value[0], high = w.plane(2) * value[2];
-          all = low + w.plane(1) * value[1] + high;
-          along_x = high - low;
-        }
-        const Quad<T> weighted = all * last;
-        const T total = sum3<T>(weighted), c = s.coefficient[p];
-        const T gx = c * (sum3<T>(along_x * last) + w.offset(0) * total);
-        const T gy = D == 3 ? c * (sum3<T>(along_y * last) + w.offset(1) * total) : T(0);
-        const T gz = c * (weighted[2] - weighted[0] + w.offset(D - 1) * total);
-        // back: w (g . (x_i - x_p))
-        T middle = gx * w.offset(0) + gz * w.offset(D - 1);
-        if constexpr (D == 3) middle += gy * w.offset(1);
-        const Quad<T> base = last * quad<T>(middle - gz, middle, middle + gz, T(0));
-        const Quad<T> step_x = gx * last;
-        if constexpr (D == 3) {
-          const Quad<T> step_y = gy * last;
-          for (int i = 0; i < 3; i++) {
-            const Quad<T> line = i == 0 ? base - step_x : i == 1 ? base : base + step_x;
-            sum[3 * i] += w.plane(3 * i) * (line - step_y);
-            sum[3 * i + 1] += w.plane(3 * i + 1) * line;
-            sum[3 * i + 2] += w.plane(3 * i + 2) * (line + step_y);
-          }
-        } else {
-          sum[0] += w.plane(0) * (base - step_x);
-          sum[1] += w.plane(1) * base;
-          sum[2] += w.plane(2) * (base + step_x);
-        }
-      } while (++p < chunk.points && s.node[p] == first);
-      for (int r = 0; r < rows; r++) add_row<T>(s.to + first + row_start<D>(r), sum[r]);
+      p = end;
     }
   });
   merge_numbers<T, D>(to, block, s.to);
