@@ -3,6 +3,7 @@
 #include <cleave/decompositions.hpp>
 
 #include <cmath>
+#include <string>
 
 namespace {
 using namespace cleave;
@@ -11,8 +12,12 @@ using namespace cleave;
 ///
 ///   B v = c,  B_(z, i alpha) = sum_p V_p Gamma_z(x_p) a_alpha (a . grad N_i(x_p))     [Wolper et al. 2020, eqs. 14, 22]
 ///
-/// by the velocity that is M-nearest to what the forces make of it. That is a tension lambda a a^T per volume and step which
-/// the fibres carry.
+/// by the velocity that is M-nearest to what the forces make of it, which is a tension lambda in the fibres. Rows see what
+/// alternates from cell to cell across the fibres hardly, and are relaxed: B v + epsilon D lambda = c, D the diagonal of
+/// B M^-1 B^T.
+///
+/// Strain that has come about all the same is taken back at the rate c_z = -s/dt sum_p V_p Gamma_z(x_p) ln|F a0| [Baumgarte
+/// 1972], in so far as that makes no kinetic energy.
 struct Inextensibility {
   static constexpr About about{.id = "constraint/inextensibility",
                                .version = "1.0.0",
@@ -23,7 +28,7 @@ struct Inextensibility {
 
   enum Transport { convected, rotated };
   Transport fiber_transport;
-  double tolerance, relaxation, stabilization;
+  double tolerance, relaxation, stabilization, breaking_damage;
   int maximum_iterations;
 
   static constexpr auto parameters = describe(
@@ -45,6 +50,11 @@ struct Inextensibility {
                                                .default_value = 0.1,
                                                .valid = between(0, 1),
                                                .description = "part of the elongation there is that a step takes back"}),
+      number(&Inextensibility::breaking_damage,
+             {.key = "breaking_damage",
+              .default_value = 1,
+              .valid = between(0, 1),
+              .description = "damage above which fibres are broken; 1: they hold whatever breaks around them"}),
       integer(&Inextensibility::maximum_iterations, {.key = "maximum_iterations",
                                                      .default_value = 1000,
                                                      .valid = at_least(1),
@@ -59,6 +69,7 @@ struct Inextensibility {
   ConstraintReport project(const cleave_constraint_system& system) {
     inextensibility::FiberRows<D> rows(system);
     for (std::uint64_t p = 0; p < system.particle_count; ++p) {
+      if (damage_of(system, p) > breaking_damage) continue;
       const double *F = system.deformation + p * 9, *a0 = system.fiber + p * 3;
       std::array<double, 3> stretched{};
       for (unsigned i = 0; i < 3; ++i)
@@ -73,13 +84,19 @@ struct Inextensibility {
       const double length = std::sqrt(a[0] * a[0] + a[1] * a[1] + a[2] * a[2]);
       if (!(length > 0)) continue;
       for (double& component : a) component /= length;
-      const double along = a[0] * stretched[0] + a[1] * stretched[1] + a[2] * stretched[2];
-      rows.add(p, a, std::log(along));
+      const double rest = std::sqrt(a0[0] * a0[0] + a0[1] * a0[1] + a0[2] * a0[2]);
+      const double along = (a[0] * stretched[0] + a[1] * stretched[1] + a[2] * stretched[2]) / rest;
+      rows.add(p, a, along > 0 ? std::log(along) : 0);  // turned over, it has no length to go back to
     }
     Projection projection(system, memory_);
     rows.write(projection, stabilization / system.time_step);
-    return projection.solve(
+    ConstraintReport report = projection.solve(
         {.tolerance = tolerance, .maximum_iterations = std::uint32_t(maximum_iterations), .relaxation = relaxation});
+    if (report.residual > tolerance)
+      report.notice = "the fibres are held to a residual of " + std::to_string(report.residual) + " only, after " +
+                      std::to_string(report.iterations) +
+                      " iterations: rows contradict each other or what is prescribed, or relaxation is too small";
+    return report;
   }
 
   ProjectionMemory memory_;

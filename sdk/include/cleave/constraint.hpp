@@ -39,11 +39,11 @@ void for_each(const cleave_parallel* parallel, std::uint64_t count, Task&& task)
   parallel->run(
       parallel, count,
       [](void* argument, std::uint64_t index) noexcept {
-        auto& shared = *static_cast<Shared*>(argument);
+        auto& of_all = *static_cast<Shared*>(argument);
         try {
-          shared.task(index);
+          of_all.task(index);
         } catch (...) {
-          if (!shared.failed.test_and_set()) shared.failure = std::current_exception();
+          if (!of_all.failed.test_and_set()) of_all.failure = std::current_exception();
         }
       },
       &shared);

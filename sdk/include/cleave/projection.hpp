@@ -128,11 +128,12 @@ class ProjectionFactors {
       excess_ += std::max(0.0, double(iterations) - fresh_);
   }
 
-  void make(const SymmetricRows<S>& matrix, const std::vector<Cell>& cells, S shift, std::size_t coefficients) {
+  template <class Run>
+  void make(const SymmetricRows<S>& matrix, const std::vector<Cell>& cells, S shift, std::size_t coefficients, Run run) {
     std::vector<std::array<float, 3>> place(cells.size());
     for (std::size_t i = 0; i < cells.size(); ++i) place[i] = {float(cells[i][0]), float(cells[i][1]), float(cells[i][2])};
     cholesky_.analyze(matrix, place);
-    cholesky_.factor(matrix, shift);
+    cholesky_.factor(matrix, shift, run);
     numbers_.clear();
     for (std::size_t i = 0; i < cells.size(); ++i) numbers_.emplace(key(cells[i]), std::uint32_t(i));
     match(cells);
@@ -152,14 +153,15 @@ class ProjectionFactors {
       }
   }
   /// z = (...)^-1 r
-  void apply(const std::vector<double>& r, std::vector<double>& z) {
+  template <class Run>
+  void apply(const std::vector<double>& r, std::vector<double>& z, Run run) {
     double largest = 0;
     for (const double value : r) largest = std::max(largest, std::abs(value));
     if (largest == 0) largest = 1;
     local_.assign(cholesky_.size(), 0);
     for (std::size_t i = 0; i < r.size(); ++i)
       if (number_of_row_[i] != none) local_[number_of_row_[i]] = S(r[i] / largest);
-    cholesky_.solve(local_);
+    cholesky_.solve(local_, run);
     for (std::size_t i = 0; i < r.size(); ++i)
       z[i] = number_of_row_[i] != none ? double(local_[number_of_row_[i]]) * largest : r[i];
   }
@@ -400,8 +402,11 @@ class Projection {
       for (; e < row_end_[i]; ++e)
         for (unsigned a = 0; a < D; ++a) A[e * D + a] = coefficient_[e * D + a] * scale[i] * by_root_mass[column_[e]];
 
+    const auto run = [parallel = threads_of(system_)](std::size_t count, auto&& task) {
+      for_each(parallel, count, [&](std::uint64_t i) { task(std::size_t(i)); });
+    };
     const double shift = std::max(options.relaxation, std::is_same_v<S, float> ? single_relaxation : double_relaxation);
-    const auto renew = [&] { factors.make(matrix<D, S>(A), cell_, S(shift), A.size()); };
+    const auto renew = [&] { factors.make(matrix<D, S>(A), cell_, S(shift), A.size(), run); };
     std::uint32_t since = 0;  // iterations of this step with the factors
     fresh_ = !factors.any() || factors.worn(0);
     if (fresh_)
@@ -421,7 +426,7 @@ class Projection {
           since = 0;
           begun = false;
         }
-        factors.apply(b, z);
+        factors.apply(b, z, run);
         const double next = dot(b, z);
         if (!(next > 0)) break;
         if (begun)
@@ -454,7 +459,7 @@ class Projection {
     for (std::size_t i = 0; i < rows; ++i) rest[i] = scale[i] * correction_[i];
     if (const double wanted = norm_in_full(rest); wanted > 0) {
       std::vector<double> y(rows, 0.0);
-      iterate(rest, y, 0.01 * wanted);
+      iterate(rest, y, 0.1 * wanted);
       transposed_product<D>(A, y, u);
       double taken = 0, mixed = 0, own = 0;
       for (std::size_t n = 0; n < nodes_.size(); ++n)
@@ -530,22 +535,39 @@ class Projection {
     return result;
   }
 
-  template <unsigned D>
-  void product(const std::vector<double>& A, const std::vector<double>& in, std::vector<double>& out) const {
-    for (std::size_t i = 0, e = 0; i < row_end_.size(); ++i) {
-      std::array<double, D> sum{};
-      for (; e < row_end_[i]; ++e)
-        for (unsigned a = 0; a < D; ++a) sum[a] += A[e * D + a] * in[column_[e] * D + a];
-      out[i] = 0;
-      for (unsigned a = 0; a < D; ++a) out[i] += sum[a];
-    }
+  /// Calls part(first row, last row, number of the part) for a few parts of the rows, in parallel.
+  template <class Part>
+  void for_parts(Part part) const {
+    const std::size_t rows = row_end_.size();
+    for_each(threads_of(system_), parts,
+             [&](std::uint64_t k) { part(rows * k / parts, rows * (k + 1) / parts, std::size_t(k)); });
   }
   template <unsigned D>
-  void transposed_product(const std::vector<double>& A, const std::vector<double>& in, std::vector<double>& out) const {
-    std::fill(out.begin(), out.end(), 0.0);
-    for (std::size_t i = 0, e = 0; i < row_end_.size(); ++i)
-      for (; e < row_end_[i]; ++e)
-        for (unsigned a = 0; a < D; ++a) out[column_[e] * D + a] += A[e * D + a] * in[i];
+  void product(const std::vector<double>& A, const std::vector<double>& in, std::vector<double>& out) const {
+    for_parts([&](std::size_t first, std::size_t last, std::size_t) {
+      for (std::size_t i = first, e = first ? row_end_[first - 1] : 0; i < last; ++i) {
+        std::array<double, D> sum{};
+        for (; e < row_end_[i]; ++e)
+          for (unsigned a = 0; a < D; ++a) sum[a] += A[e * D + a] * in[column_[e] * D + a];
+        double whole = 0;
+        for (unsigned a = 0; a < D; ++a) whole += sum[a];
+        out[i] = whole;
+      }
+    });
+  }
+  template <unsigned D>
+  void transposed_product(const std::vector<double>& A, const std::vector<double>& in, std::vector<double>& out) {
+    for_parts([&](std::size_t first, std::size_t last, std::size_t part) {
+      std::vector<double>& sum = part_sums_[part];
+      sum.assign(out.size(), 0);
+      for (std::size_t i = first, e = first ? row_end_[first - 1] : 0; i < last; ++i)
+        for (; e < row_end_[i]; ++e)
+          for (unsigned a = 0; a < D; ++a) sum[column_[e] * D + a] += A[e * D + a] * in[i];
+    });
+    for (std::size_t k = 0; k < out.size(); ++k) {
+      out[k] = 0;
+      for (const auto& sum : part_sums_) out[k] += sum[k];
+    }
   }
   /// Of the residuals of rows that are held.
   double held_norm() const {
@@ -586,6 +608,8 @@ class Projection {
   std::vector<std::array<std::int32_t, 3>> cell_;
   double squared_magnitude_ = 0;
   std::vector<double> mass_;  // of each unknown
+  static constexpr std::size_t parts = 4;
+  std::array<std::vector<double>, parts> part_sums_;
   ProjectionMemory* memory_ = nullptr;
   bool fresh_ = false;  // the factors are of this step
 };

@@ -167,6 +167,7 @@ class SparseCholesky {
     dissect(0, n, place);
     for (std::size_t i = 0; i < n; ++i) number_[order_[i]] = std::uint32_t(i);
     find_patterns();
+    find_trees();
     neighbours_ = {};
     neighbours_begin_ = {};
   }
@@ -176,8 +177,10 @@ class SparseCholesky {
   std::size_t entries() const { return entries_; }
   std::size_t size() const { return order_.size(); }
 
-  /// Of A + shift I, with the pattern analyzed.
-  void factor(const SymmetricRows<S>& A, S shift) {
+  /// Of A + shift I, with the pattern analyzed. `run(count, task)` calls task(0) ... task(count - 1), in any order and on as
+  /// many threads as it likes.
+  template <class Run>
+  void factor(const SymmetricRows<S>& A, S shift, Run run) {
     const std::size_t n = order_.size();
     if (factor_.size() < entries_) factor_.resize(entries_);
     // Where an entry belongs: the column that is eliminated first. Entries of each column, as rows in the order of elimination.
@@ -193,11 +196,15 @@ class SparseCholesky {
         entries[at[low]++] = {high, A.value[e] + (low == high ? shift : 0)};
       }
 
-    detail::DenseCholesky<S> dense;
-    std::vector<std::uint32_t> position(n);
+    struct Scratch {
+      detail::DenseCholesky<S> dense;
+      std::vector<std::uint32_t> position, target;
+      std::vector<S> matrix;
+    };
     std::vector<std::vector<S>> updates(fronts_.size());
-    std::vector<S> matrix;
-    for (std::size_t f = 0; f < fronts_.size(); ++f) {
+    const auto factor_front = [&](std::size_t f, Scratch& scratch) {
+      auto& [dense, position, target, matrix] = scratch;
+      position.resize(n);
       const Front& front = fronts_[f];
       const std::size_t k = front.count, m = k + front.border.size();
       matrix.assign(m * m, 0);
@@ -211,57 +218,59 @@ class SparseCholesky {
       for (const std::uint32_t child : front.children) {
         const auto& border = fronts_[child].border;
         const std::size_t size = border.size();
-        std::vector<std::uint32_t>& to = target_;
-        to.resize(size);
-        for (std::size_t i = 0; i < size; ++i) to[i] = std::uint32_t(row_of(border[i]));
+        target.resize(size);
+        for (std::size_t i = 0; i < size; ++i) target[i] = std::uint32_t(row_of(border[i]));
         for (std::size_t c = 0; c < size; ++c) {
           const S* from = updates[child].data() + c * size;
-          S* column = matrix.data() + to[c] * m;
-          for (std::size_t i = c; i < size; ++i) column[to[i]] += from[i];
+          S* column = matrix.data() + target[c] * m;
+          for (std::size_t i = c; i < size; ++i) column[target[i]] += from[i];
         }
         updates[child] = {};
       }
       dense.factor(matrix.data(), m, k, shift);
       for (std::size_t c = 0; c < k; ++c)
         std::copy_n(matrix.data() + c * m + c, m - c, factor_.data() + front.entries + c * m - c * (c - 1) / 2);
-      if (front.border.empty()) continue;
+      if (front.border.empty()) return;
       auto& update = updates[f];
       update.resize((m - k) * (m - k));
       for (std::size_t c = 0; c < m - k; ++c)
         std::copy_n(matrix.data() + (k + c) * m + k + c, m - k - c, update.data() + c * (m - k) + c);
-    }
+    };
+    run(trees_.size(), [&](std::size_t t) {
+      Scratch scratch;
+      for (std::size_t f = trees_[t].first; f <= trees_[t].root; ++f) factor_front(f, scratch);
+    });
+    Scratch scratch;
+    for (const std::uint32_t f : trunk_) factor_front(f, scratch);
   }
 
   /// x becomes (A + shift I)^-1 x, nearly.
-  void solve(std::vector<S>& x) const {
+  template <class Run>
+  void solve(std::vector<S>& x, Run run) const {
     const std::size_t n = order_.size();
-    std::vector<S> y(n), local;
+    std::vector<S> y(n);
     for (std::size_t i = 0; i < n; ++i) y[i] = x[order_[i]];
-    for (const Front& front : fronts_) {
-      const std::size_t k = front.count, m = k + front.border.size();
-      local.assign(m, 0);
-      std::copy_n(y.data() + front.first, k, local.data());
-      const S* column = factor_.data() + front.entries;
-      for (std::size_t c = 0; c < k; column += m - c, ++c) {
-        const S value = local[c] /= column[0];
-        S* rest = local.data() + c;
-        for (std::size_t i = 1; i < m - c; ++i) rest[i] -= column[i] * value;
-      }
-      std::copy_n(local.data(), k, y.data() + front.first);
-      for (std::size_t i = k; i < m; ++i) y[front.border[i - k]] += local[i];
+    std::vector<std::vector<S>> changes(trees_.size());  // of each tree, to what its root borders on
+    run(trees_.size(), [&](std::size_t t) {
+      std::vector<S> own(n, 0), local;
+      const Tree& tree = trees_[t];
+      const std::size_t begin = tree.first_row, end = fronts_[tree.root].first + fronts_[tree.root].count;
+      std::copy(y.begin() + std::ptrdiff_t(begin), y.begin() + std::ptrdiff_t(end), own.begin() + std::ptrdiff_t(begin));
+      for (std::size_t f = tree.first; f <= tree.root; ++f) eliminate(fronts_[f], own, local);
+      std::copy(own.begin() + std::ptrdiff_t(begin), own.begin() + std::ptrdiff_t(end), y.begin() + std::ptrdiff_t(begin));
+      for (const std::uint32_t i : fronts_[tree.root].border) changes[t].push_back(own[i]);
+    });
+    for (std::size_t t = 0; t < trees_.size(); ++t) {
+      const auto& border = fronts_[trees_[t].root].border;
+      for (std::size_t i = 0; i < border.size(); ++i) y[border[i]] += changes[t][i];
     }
-    for (auto front = fronts_.rbegin(); front != fronts_.rend(); ++front) {
-      const std::size_t k = front->count, m = k + front->border.size();
-      local.resize(m);
-      std::copy_n(y.data() + front->first, k, local.data());
-      for (std::size_t i = k; i < m; ++i) local[i] = y[front->border[i - k]];
-      const S* column = factor_.data() + front->entries + (k * m - k * (k - 1) / 2);
-      for (std::size_t c = k; c-- > 0;) {
-        column -= m - c;
-        local[c] = (local[c] - detail::dot(column + 1, local.data() + c + 1, m - c - 1)) / column[0];
-      }
-      std::copy_n(local.data(), k, y.data() + front->first);
-    }
+    std::vector<S> local;
+    for (const std::uint32_t f : trunk_) eliminate(fronts_[f], y, local);
+    for (auto f = trunk_.rbegin(); f != trunk_.rend(); ++f) substitute(fronts_[*f], y, local);
+    run(trees_.size(), [&](std::size_t t) {
+      std::vector<S> of_tree;
+      for (std::size_t f = trees_[t].root + 1; f-- > trees_[t].first;) substitute(fronts_[f], y, of_tree);
+    });
     for (std::size_t i = 0; i < n; ++i) x[order_[i]] = y[i];
   }
 
@@ -274,6 +283,68 @@ class SparseCholesky {
     std::size_t entries = 0;              // where their columns of L begin
   };
   static constexpr std::size_t leaf = 96;
+  /// Fronts first..root and what is below them, independent of all others up to the root.
+  struct Tree {
+    std::size_t first, root;
+    std::size_t first_row;
+  };
+
+  void eliminate(const Front& front, std::vector<S>& y, std::vector<S>& local) const {
+    const std::size_t k = front.count, m = k + front.border.size();
+    local.assign(m, 0);
+    std::copy_n(y.data() + front.first, k, local.data());
+    const S* column = factor_.data() + front.entries;
+    for (std::size_t c = 0; c < k; column += m - c, ++c) {
+      const S value = local[c] /= column[0];
+      S* rest = local.data() + c;
+      for (std::size_t i = 1; i < m - c; ++i) rest[i] -= column[i] * value;
+    }
+    std::copy_n(local.data(), k, y.data() + front.first);
+    for (std::size_t i = k; i < m; ++i) y[front.border[i - k]] += local[i];
+  }
+  void substitute(const Front& front, std::vector<S>& y, std::vector<S>& local) const {
+    const std::size_t k = front.count, m = k + front.border.size();
+    local.resize(m);
+    std::copy_n(y.data() + front.first, k, local.data());
+    for (std::size_t i = k; i < m; ++i) local[i] = y[front.border[i - k]];
+    const S* column = factor_.data() + front.entries + (k * m - k * (k - 1) / 2);
+    for (std::size_t c = k; c-- > 0;) {
+      column -= m - c;
+      local[c] = (local[c] - detail::dot(column + 1, local.data() + c + 1, m - c - 1)) / column[0];
+    }
+    std::copy_n(local.data(), k, y.data() + front.first);
+  }
+
+  /// Trees of less than half of all work, and the trunk above them.
+  void find_trees() {
+    const std::size_t count = fronts_.size();
+    std::vector<double> work(count);
+    std::vector<std::size_t> first(count);
+    std::vector<bool> in_tree(count, false), below(count, false);
+    for (std::size_t f = 0; f < count; ++f) {
+      const double k = fronts_[f].count, m = k + double(fronts_[f].border.size());
+      work[f] = m * m * m - (m - k) * (m - k) * (m - k);
+      first[f] = f;
+      for (const std::uint32_t child : fronts_[f].children) {
+        work[f] += work[child];
+        first[f] = std::min(first[f], first[child]);
+        below[child] = true;
+      }
+    }
+    double whole = 0;
+    for (std::size_t f = 0; f < count; ++f) whole += below[f] ? 0 : work[f];
+    trees_.clear();
+    trunk_.clear();
+    for (std::size_t f = count; f-- > 0;) {
+      if (in_tree[f]) continue;
+      if (work[f] > 0.5 * whole) {
+        trunk_.insert(trunk_.begin(), std::uint32_t(f));
+        continue;
+      }
+      for (std::size_t i = first[f]; i <= f; ++i) in_tree[i] = true;
+      trees_.push_back({first[f], f, fronts_[first[f]].first});
+    }
+  }
 
   void build_graph(const SymmetricRows<S>& A) {
     const std::size_t n = A.size();
@@ -382,7 +453,8 @@ class SparseCholesky {
   std::vector<S> factor_;
   std::size_t entries_ = 0;
   double work_ = 0;
-  std::vector<std::uint32_t> target_;
+  std::vector<Tree> trees_;
+  std::vector<std::uint32_t> trunk_;  // fronts, children before parents
   // while a matrix is analyzed
   std::vector<std::size_t> neighbours_begin_;
   std::vector<std::uint32_t> neighbours_;
