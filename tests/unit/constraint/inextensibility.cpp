@@ -1,0 +1,202 @@
+// Rows of inextensible fibres and their projection with a memory, against dense linear algebra.
+
+#include "inextensibility/fiber_rows.hpp"
+
+#include <cleave/testkit/grid_system.hpp>
+
+#include <gtest/gtest.h>
+
+#include <Eigen/Dense>
+#include <map>
+
+namespace cleave {
+namespace {
+namespace kit = testkit;
+
+cleave_constraint_system seen(kit::GridSystem& s) {
+  const auto data = [](auto& values) { return values.empty() ? nullptr : values.data(); };
+  return {sizeof(cleave_constraint_system),
+          std::uint32_t(s.dimension),
+          s.cell_size,
+          s.time_step,
+          s.node_count(),
+          data(s.mass),
+          data(s.velocity),
+          data(s.node_cell),
+          data(s.prescribed),
+          data(s.normal),
+          s.particle_count(),
+          data(s.position),
+          data(s.volume),
+          data(s.deformation),
+          data(s.fiber),
+          data(s.velocity_gradient),
+          data(s.nodes),
+          nullptr,
+          nullptr};
+}
+
+ConstraintReport hold_fibers(kit::GridSystem& s, ProjectionMemory& memory, const Projection::Options& options,
+                             double strain = 0, double rate = 0) {
+  const cleave_constraint_system system = seen(s);
+  Projection projection(system, memory);
+  const auto add_all = [&](auto rows) {
+    for (std::uint64_t p = 0; p < system.particle_count; ++p) rows.add(p, current_fiber(system, p), strain);
+    rows.write(projection, rate);
+  };
+  if (s.dimension == 3)
+    add_all(inextensibility::FiberRows<3>(system));
+  else
+    add_all(inextensibility::FiberRows<2>(system));
+  return projection.solve(options);
+}
+
+double hat(double x) { return std::max(0.0, 1 - std::abs(x)); }
+double spline(double x) {
+  const double r = std::abs(x);
+  return r < 0.5 ? 0.75 - r * r : r < 1.5 ? 0.5 * (1.5 - r) * (1.5 - r) : 0;
+}
+double spline_slope(double x) {
+  return std::abs(x) < 0.5 ? -2 * x : std::abs(x) < 1.5 ? (x < 0 ? 1 : -1) * (1.5 - std::abs(x)) : 0;
+}
+
+/// B_(z, i alpha) = sum_p V_p Gamma_z(x_p) a_alpha (a . grad N_i(x_p)), term by term.
+Eigen::MatrixXd equation_22(kit::GridSystem& s) {
+  const cleave_constraint_system system = seen(s);
+  const auto d = std::size_t(s.dimension);
+  std::map<std::vector<int>, Eigen::VectorXd> rows;
+  for (std::uint64_t p = 0; p < s.particle_count(); ++p) {
+    const auto a = current_fiber(system, p);
+    const double* x = &s.position[p * d];
+    for (int corner = 0; corner < 1 << d; ++corner) {
+      std::vector<int> z;
+      double weight = s.volume[p];
+      for (std::size_t k = 0; k < d; ++k) {
+        z.push_back(int(std::floor(x[k] - 0.5)) + (corner >> k & 1));
+        weight *= hat(x[k] - z[k] - 0.5);
+      }
+      if (weight == 0) continue;
+      auto& row = rows.try_emplace(z, Eigen::VectorXd::Zero(Eigen::Index(d * s.node_count()))).first->second;
+      for (std::size_t i = 0; i < s.node_count(); ++i) {
+        double along = 0;
+        for (std::size_t j = 0; j < d; ++j) {
+          double slope = a[j] / s.cell_size;
+          for (std::size_t k = 0; k < d; ++k) {
+            const double distance = x[k] - s.node_cell[i * d + k];
+            slope *= j == k ? spline_slope(distance) : spline(distance);
+          }
+          along += slope;
+        }
+        for (std::size_t k = 0; k < d; ++k) row[Eigen::Index(i * d + k)] += weight * along * a[k];
+      }
+    }
+  }
+  Eigen::MatrixXd B(rows.size(), d * s.node_count());
+  Eigen::Index r = 0;
+  for (const auto& [z, row] : rows) B.row(r++) = row;
+  return B;
+}
+
+Eigen::Map<Eigen::VectorXd> vector(std::vector<double>& values) { return {values.data(), Eigen::Index(values.size())}; }
+
+/// v* - M^-1 B'^T S (S B' M^-1 B'^T S + epsilon)^-1 S B v*
+Eigen::VectorXd relaxed_projection(kit::GridSystem& s, double epsilon) {
+  const Eigen::MatrixXd B = equation_22(s);
+  const auto d = Eigen::Index(s.dimension);
+  Eigen::MatrixXd A = B;
+  for (std::size_t i = 0; i < s.node_count(); ++i) {
+    auto block = A.middleCols(Eigen::Index(i) * d, d);
+    if (s.prescribed[i] == 1) block.setZero();
+    if (s.prescribed[i] == 2) {
+      const Eigen::Map<const Eigen::VectorXd> normal(&s.normal[i * std::size_t(d)], d);
+      block -= (block * normal * normal.transpose()).eval();
+    }
+    block /= std::sqrt(s.mass[i]);
+  }
+  Eigen::VectorXd rest = B * vector(s.velocity);
+  for (Eigen::Index r = 0; r < A.rows(); ++r) {
+    const double length = A.row(r).norm();
+    rest[r] /= length;
+    A.row(r) /= length;
+  }
+  const Eigen::MatrixXd S = A * A.transpose() + epsilon * Eigen::MatrixXd::Identity(A.rows(), A.rows());
+  Eigen::VectorXd u = A.transpose() * S.ldlt().solve(rest);
+  for (Eigen::Index k = 0; k < u.size(); ++k) u[k] /= std::sqrt(s.mass[std::size_t(k / d)]);
+  return vector(s.velocity) - u;
+}
+
+class InextensibleFibers : public testing::TestWithParam<int> {
+ protected:
+  kit::Random random{11};
+};
+INSTANTIATE_TEST_SUITE_P(Dimensions, InextensibleFibers, testing::Values(2, 3),
+                         [](const auto& info) { return std::to_string(info.param) + "D"; });
+
+TEST_P(InextensibleFibers, AreHeldByTheRowsOfEquation22) {
+  for (const auto held : {kit::Block::free, kit::Block::walls})
+    for (const double epsilon : {1e-2, 1e-4, 1e-7}) {
+      kit::GridSystem s = random_block(random, {GetParam(), 4, 2, kit::Block::random, kit::Block::strained, held});
+      const Eigen::VectorXd wanted = relaxed_projection(s, epsilon);
+      ProjectionMemory memory;
+      const ConstraintReport report = hold_fibers(s, memory, {.tolerance = 1e-11, .relaxation = epsilon});
+      EXPECT_LE(report.residual, 1e-11);
+      EXPECT_EQ(report.rows, std::uint64_t(equation_22(s).rows()));
+      EXPECT_LT((vector(s.velocity) - wanted).norm(), 1e-6 * wanted.norm()) << epsilon;
+      EXPECT_LT(report.iterations, 40u);
+    }
+}
+
+TEST_P(InextensibleFibers, AreHeldWithoutRelaxation) {
+  kit::GridSystem s = random_block(random, {GetParam(), 4, 2, kit::Block::uniform, kit::Block::rotated, kit::Block::free});
+  const Eigen::MatrixXd B = equation_22(s);
+  const double before = (B * vector(s.velocity)).norm();
+  ProjectionMemory memory;
+  const ConstraintReport report = hold_fibers(s, memory, {.tolerance = 1e-8});
+  EXPECT_LT((B * vector(s.velocity)).norm(), 1.01e-8 * before);
+  EXPECT_LT(report.iterations, 40u);
+}
+
+/// Drift is taken back by velocities that the rows see, and at no more than the kinetic energy that the projection frees.
+TEST_P(InextensibleFibers, AreShortenedWithoutMakingEnergy) {
+  for (const double speed : {0.0, 1e-6, 1e-3, 1.0}) {
+    kit::GridSystem s = random_block(random, {GetParam(), 4, 2, kit::Block::uniform, kit::Block::rest, kit::Block::free});
+    for (double& v : s.velocity) v *= speed;
+    const double before = s.product(s.velocity, s.velocity);
+    const Eigen::MatrixXd B = equation_22(s);
+    ProjectionMemory memory;
+    hold_fibers(s, memory, {.tolerance = 1e-9, .relaxation = 1e-6}, 0.01, 10);
+    const double after = s.product(s.velocity, s.velocity), rate = (B * vector(s.velocity)).sum();
+    EXPECT_LE(after, before * (1 + 1e-12)) << speed;
+    if (speed == 0) {
+      EXPECT_EQ(after, 0);
+    } else {
+      EXPECT_LT(rate, 0) << "they shorten";
+    }
+    if (speed == 1) {
+      double volume = 0;
+      for (const double v : s.volume) volume += v;
+      EXPECT_NEAR(rate / volume, -0.1, 0.02) << "at the rate that is asked for";
+    }
+  }
+}
+
+TEST_P(InextensibleFibers, AreHeldTheSameWithFactorsOfAnotherStep) {
+  kit::GridSystem first = random_block(random, {GetParam(), 5, 2, kit::Block::uniform, kit::Block::rest, kit::Block::free});
+  kit::GridSystem second = first;
+  std::vector<bool> keep(second.particle_count());  // rows go and come
+  for (std::size_t p = 0; p < keep.size(); ++p) keep[p] = second.position[p * std::size_t(GetParam())] < second.position[0] + 4;
+  kit::GridSystem part = first;
+  part.keep_particles(keep);
+  const Projection::Options options{.tolerance = 1e-10, .relaxation = 1e-4};
+  ProjectionMemory used, unused;
+  kit::GridSystem again = part;
+  hold_fibers(part, used, options);
+  const ConstraintReport with = hold_fibers(second, used, options);
+  hold_fibers(first, unused, options);
+  EXPECT_LE(with.residual, 1e-10);
+  EXPECT_LT((vector(second.velocity) - vector(first.velocity)).norm(), 1e-6 * vector(first.velocity).norm());
+  EXPECT_LE(hold_fibers(again, used, options).residual, 1e-10);
+}
+
+}  // namespace
+}  // namespace cleave
