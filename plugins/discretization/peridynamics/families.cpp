@@ -10,7 +10,7 @@ namespace {
 
 constexpr unsigned block_bits = 3;             // blocks of 2^3 spacings
 constexpr std::uint32_t largest_block = 1024;  // points; where they lie closer than the mean
-constexpr std::uint64_t largest_part = 65536;  // what 16 bits can number
+constexpr std::uint64_t largest_part = 32768;  // what 15 bits can number
 
 /// The bits of i, two zeros between each.
 std::uint64_t spread(std::uint64_t i) {
@@ -82,8 +82,8 @@ Families find_families(std::span<const double> position, double spacing, double 
     for (std::size_t k = near_first; k < f.near.size(); ++k) place_in_block[f.near[k]] = std::uint32_t(k - near_first);
     for (std::uint32_t i = begin; i < end; ++i) {
       const auto& list = lists[i - begin];
-      for (const std::uint32_t j : list) f.neighbour.push_back(std::uint16_t(place_in_block[j]));
-      while (f.neighbour.size() % multiple) f.neighbour.push_back(std::uint16_t(place_in_block[i]));
+      for (const std::uint32_t j : list) f.neighbour.push_back(std::uint16_t(2 * place_in_block[j]));
+      while (f.neighbour.size() % multiple) f.neighbour.push_back(std::uint16_t(2 * place_in_block[i]));
       f.count.push_back(std::uint32_t(list.size()));
       f.first.push_back(f.neighbour.size());
     }

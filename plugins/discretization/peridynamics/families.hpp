@@ -21,7 +21,7 @@ struct Families {
   std::vector<std::uint32_t> near;       ///< the points of a block and their neighbours, ascending
   std::vector<std::uint64_t> first;      ///< list of each point, and the end; a whole number of times `multiple` long
   std::vector<std::uint32_t> count;      ///< neighbours of each point; the rest of its list is the point itself
-  std::vector<std::uint16_t> neighbour;  ///< ascending places in the part of `near` of the point's block
+  std::vector<std::uint16_t> neighbour;  ///< twice the places, ascending, in the part of `near` of the block
 };
 
 /// Families of all points closer than `reach`, lists a multiple of `multiple` long. `position` has 3 numbers per point.

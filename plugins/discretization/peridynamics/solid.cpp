@@ -48,7 +48,8 @@ struct Root {
 /// sqrt(a) rounded almost correctly, for extensions are small differences of lengths; tiny at 0.
 template <class S>
 CLEAVE_INLINE Root<S> root_of(Lanes<S> a) {
-  const Lanes<S> square = max(a, Lanes<S>(std::numeric_limits<S>::min())), inverse = rsqrt(square), root = square * inverse;
+  const Lanes<S> square = max(a, Lanes<S>(std::numeric_limits<S>::min())), inverse = inverse_root(square),
+                 root = square * inverse;
   return {fma(S(0.5) * inverse, fma(-root, root, square), root), inverse};
 }
 
@@ -116,8 +117,8 @@ class Bonds final : public Solid {
     if (there == last || *there != j) return {};
     const auto list = families_.neighbour.begin() + std::ptrdiff_t(families_.first[i]);
     const auto end = list + families_.count[i];
-    const auto found = std::lower_bound(list, end, std::uint16_t(there - first));
-    if (found == end || *found != std::uint16_t(there - first)) return {};
+    const auto found = std::lower_bound(list, end, std::uint16_t(2 * (there - first)));
+    if (found == end || *found != std::uint16_t(2 * (there - first))) return {};
     const auto slot = std::size_t(found - families_.neighbour.begin());
     return Bond{slot, std::abs(double(rest_[slot])) * unit_};
   }
@@ -151,12 +152,12 @@ class Bonds final : public Solid {
   Families families_;
   std::vector<std::uint32_t> place_in_order_;
   Form form_;
-  double unit_;              ///< m of the lengths of the kernel
-  S stiffness_step_;         ///< N
-  S break_at_, toughening_;  ///< e - e_p at which a bond breaks; alpha/2
-  S yield_, plastic_limit_;  ///< N at volumes of 1; gamma
-  S published_share_;        ///< (delta/4)/2 of M&O's split; 0 with the other
-  double bulk_coupling_;     ///< kappa - 5 mu/3
+  double unit_;                  ///< m of the lengths of the kernel
+  S stiffness_step_;             ///< N
+  S break_at_, toughening_;      ///< e - e_p at which a bond breaks; alpha/2
+  S yield_ = 0, plastic_limit_;  ///< N at volumes of 1; gamma
+  S published_share_;            ///< (delta/4)/2 of M&O's split; 0 with the other
+  double bulk_coupling_;         ///< kappa - 5 mu/3
 
   // per point
   Table<S> place_;                                   ///< position, and nothing
@@ -197,7 +198,7 @@ struct Rest {
     for (std::size_t s = families.first[i]; s < families.first[i] + families.count[i]; ++s) {
       Bond bond;
       bond.slot = s;
-      bond.j = families.near[block.near_first + families.neighbour[s]];
+      bond.j = families.near[block.near_first + families.neighbour[s] / 2];
       Vector& n = bond.direction = difference(at[bond.j].data(), at[i].data());
       bond.length = peridynamics::length(n);
       // The part of a neighbour inside of the horizon: linear over one spacing around it [Silling & Askari 2005].
@@ -307,7 +308,6 @@ Bonds<S>::Bonds(const Material& material, const cleave_body& body) : material_(m
 
   Rest rest{material, families_, h, horizon_, reach, std::vector<Vector>(n), std::vector<double>(n)};
   for (std::size_t i = 0; i < n; ++i) mean_volume_ += body.volume[i] / double(n);
-  yield_ = S(plastic ? std::sqrt(2 * *material.yield) * mean_volume_ * mean_volume_ : 1e30);
   for (std::size_t k = 0; k < n; ++k) {
     const std::size_t i = families_.order[k];
     rest.at[k] = {position[3 * i], position[3 * i + 1], position[3 * i + 2]};
@@ -334,6 +334,7 @@ Bonds<S>::Bonds(const Material& material, const cleave_body& body) : material_(m
     rest.for_bonds(block, i, [&](const Rest::Bond& b) { stiffest = std::max(stiffest, exact_stiffness(i, b)); });
   });
   stiffness_step_ = S(stiffest / stiffness_steps);
+  if (plastic) yield_ = S(std::sqrt(2 * *material.yield) * mean_volume_ * mean_volume_ / double(stiffness_step_));
   rest_.assign(slots, S(-1));
   stiffness_.assign(slots, 0);
   if (plastic) plastic_.assign(slots, S(0));
@@ -411,9 +412,7 @@ CLEAVE_FLATTEN void Bonds<S>::dilate(const Block& block, const Results& results)
       }
       sum += select(rest > S(0), part, L(0));
     }
-    S total = 0;
-    for (unsigned k = 0; k < width; ++k) total += sum[int(k)];
-    theta_[i] = dilatation_scale_[i] * (stiffness_step_ * total);
+    theta_[i] = dilatation_scale_[i] * (stiffness_step_ * total(sum));
     tension_[i] = tension_scale_[i] * theta_[i];
     results.dilatation[families_.order[i]] = theta_[i];
   }
@@ -457,7 +456,7 @@ CLEAVE_FLATTEN void Bonds<S>::pull(const Block& block, const Results& results) {
               dz = Place<S>::difference(neighbour.z, z);
       const L rest = L::load_unaligned(&rest_[s]);
       const auto [distance, per_distance] = root_of(dx * dx + dy * dy + dz * dz);
-      const L G = load_small<S>(&stiffness_[s]) * stiffness_step_;
+      const L G = load_small<S>(&stiffness_[s]);
       auto whole = rest > S(0);
       const L per_rest = reciprocal(max(rest, L(std::numeric_limits<S>::min())));
       const L extension = distance - rest, stretch = extension * per_rest;
@@ -509,20 +508,16 @@ CLEAVE_FLATTEN void Bonds<S>::pull(const Block& block, const Results& results) {
       intact += std::popcount(whole.bits());
     }
     const std::size_t point = families_.order[i];
-    results.force[3 * point] = fx.total();
-    results.force[3 * point + 1] = fy.total();
-    results.force[3 * point + 2] = fz.total();
-    double stored = 0, flowed = 0;
-    for (unsigned k = 0; k < width; ++k) {
-      stored += energy[int(k)];
-      flowed += plastic_sum[int(k)];
-    }
+    results.force[3 * point] = stiffness_step_ * fx.all();
+    results.force[3 * point + 1] = stiffness_step_ * fy.all();
+    results.force[3 * point + 2] = stiffness_step_ * fz.all();
     // Each end has half of the energy of a bond, K (e - e_p)^2/2.
-    results.energy[point] = 0.25 * stored * unit_ / true_volume_[i] + 0.5 * bulk_coupling_ * theta_[i] * theta_[i];
+    results.energy[point] = 0.25 * double(total(energy)) * double(stiffness_step_) * unit_ / true_volume_[i] +
+                            0.5 * bulk_coupling_ * theta_[i] * theta_[i];
     const std::uint32_t all = families_.count[i];
     damaged_[i] = all ? S(1) - S(intact) / S(all) : S(0);
     results.damage[point] = damaged_[i];
-    if (plastic) results.plastic_stretch[point] = intact ? flowed / intact : 0;
+    if (plastic) results.plastic_stretch[point] = intact ? double(total(plastic_sum)) / intact : 0;
   }
 }
 
@@ -553,9 +548,9 @@ void Bonds<S>::smooth(const Threads& threads, double share, std::span<double> ve
         }
         const double scale = share * mean_volume_ * mean_volume_ / (true_volume_[i] * full_volume_);
         double* v = &velocity[3 * std::size_t(families_.order[i])];
-        v[0] += scale * vx.total();
-        v[1] += scale * vy.total();
-        v[2] += scale * vz.total();
+        v[0] += scale * vx.all();
+        v[1] += scale * vy.all();
+        v[2] += scale * vz.all();
       }
     }
   });

