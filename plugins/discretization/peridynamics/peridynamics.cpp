@@ -91,7 +91,7 @@ struct Peridynamics {
              {.key = "precision",
               .choices = {"single", "double"},
               .default_value = "double",
-              .description = "of the bonds; single is twice as fast, with noise of 1e-7 in stretch"}));
+              .description = "of the bonds; single is smaller and faster, with a noise of 1e-7 in stretch"}));
 
   void complete() {
     if (anisotropy.size() == 0) return;
