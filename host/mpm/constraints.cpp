@@ -2,6 +2,7 @@
 
 #include "common/error.hpp"
 #include "plugins/message.hpp"
+#include "plugins/threads.hpp"
 
 #include <cleave/constraint.h>
 
@@ -9,7 +10,6 @@
 #include <spdlog/spdlog.h>
 #include <tbb/parallel_for.h>
 #include <tbb/parallel_reduce.h>
-#include <tbb/task_arena.h>
 
 #include <Eigen/LU>
 #include <algorithm>
@@ -27,11 +27,6 @@ constexpr double position_rounding = 4e-9;
 /// Laws that share nodes take turns until one of all changes velocities by no more than this part of what the first did.
 constexpr double sweep_tolerance = 1e-3;
 constexpr int maximum_sweeps = 10;
-
-void run_tasks(const cleave_parallel*, std::uint64_t count, void (*task)(void*, std::uint64_t), void* argument) {
-  tbb::parallel_for(
-      std::uint64_t(0), count, [&](std::uint64_t i) { task(argument, i); }, tbb::simple_partitioner());
-}
 
 enum Prescribed : std::uint8_t { free_node = 0, fixed_velocity = 1, fixed_along_normal = 2 };
 }  // namespace
@@ -216,7 +211,6 @@ void Constraints<T, D>::collect_particles(const Grid<T, D>& grid, const Particle
 template <class T, int D>
 void Constraints<T, D>::call(Law& called, double time_step) {
   const plugins::Instance& law = *called.instance;
-  const cleave_parallel parallel{sizeof(cleave_parallel), std::uint32_t(tbb::this_task_arena::max_concurrency()), run_tasks};
   cleave_constraint_system system{};
   system.struct_size = sizeof system;
   system.dimension = D;
@@ -236,7 +230,7 @@ void Constraints<T, D>::call(Law& called, double time_step) {
   system.velocity_gradient = velocity_gradient_.data();
   system.nodes = nodes_.data();
   system.damage = damage_.empty() ? nullptr : damage_.data();
-  system.parallel = &parallel;
+  system.threads = plugins::threads();
   cleave_constraint_report report{};
   report.struct_size = sizeof report;
   plugins::Message message;

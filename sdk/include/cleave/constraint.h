@@ -16,13 +16,6 @@ extern "C" {
 
 #define CLEAVE_KIND_CONSTRAINT "cleave.constraint/1"
 
-/* Runs task(argument, index) for every index below `count`, on several threads, and returns when all of them are done. */
-typedef struct cleave_parallel {
-  uint32_t struct_size;
-  uint32_t threads; /* at most so many run at a time */
-  void (*run)(const struct cleave_parallel*, uint64_t count, void (*task)(void* argument, uint64_t index), void* argument);
-} cleave_parallel;
-
 /* [ownership] host; valid during the call. Node arrays have node_count rows, particle arrays particle_count rows. The nodes are
  * those that a particle of these reaches, whatever else they carry. */
 typedef struct cleave_constraint_system {
@@ -44,8 +37,8 @@ typedef struct cleave_constraint_system {
   const double* velocity_gradient; /* d x d per particle, row-major [1/s]: of the grid at the end of the step before */
   const uint64_t* nodes;           /* 3^d node rows per particle, last axis fastest, the quadratic stencil */
   /* since 1.1 */
-  const double* damage;            /* in [0, 1], per particle; null if the material has no damage */
-  const cleave_parallel* parallel; /* null: on one thread */
+  const double* damage;          /* in [0, 1], per particle; null if the material has no damage */
+  const cleave_threads* threads; /* that project() may use; null: none (since 1.1) */
 } cleave_constraint_system;
 
 /* [ownership] caller; written by the plugin. */

@@ -9,9 +9,8 @@
 
 #include <cleave/constraint.h>
 #include <cleave/plugin.hpp>
+#include <cleave/threads.hpp>
 
-#include <atomic>
-#include <exception>
 #include <string>
 
 namespace cleave {
@@ -23,34 +22,9 @@ struct ConstraintReport {
   std::string notice{};    ///< what the user should know, said once
 };
 
-/// Runs task(0), task(1), ... task(count - 1), on several threads where the host offers them. What they do must not depend on
-/// their order.
-template <class Task>
-void for_each(const cleave_parallel* parallel, std::uint64_t count, Task&& task) {
-  if (!parallel || count < 2) {
-    for (std::uint64_t i = 0; i < count; ++i) task(i);
-    return;
-  }
-  struct Shared {
-    Task& task;
-    std::atomic_flag failed{};
-    std::exception_ptr failure{};
-  } shared{task};
-  parallel->run(
-      parallel, count,
-      [](void* argument, std::uint64_t index) noexcept {
-        auto& of_all = *static_cast<Shared*>(argument);
-        try {
-          of_all.task(index);
-        } catch (...) {
-          if (!of_all.failed.test_and_set()) of_all.failure = std::current_exception();
-        }
-      },
-      &shared);
-  if (shared.failure) std::rethrow_exception(shared.failure);
-}
-inline const cleave_parallel* threads_of(const cleave_constraint_system& system) {
-  return CLEAVE_HAS(cleave_constraint_system, &system, parallel) ? system.parallel : nullptr;
+/// The threads that the host lends for the time of project().
+inline Threads threads_of(const cleave_constraint_system& system) {
+  return Threads(CLEAVE_HAS(cleave_constraint_system, &system, threads) ? system.threads : nullptr);
 }
 /// Damage of a particle; 0 where the host gives none.
 inline double damage_of(const cleave_constraint_system& system, std::uint64_t particle) {

@@ -402,8 +402,8 @@ class Projection {
       for (; e < row_end_[i]; ++e)
         for (unsigned a = 0; a < D; ++a) A[e * D + a] = coefficient_[e * D + a] * scale[i] * by_root_mass[column_[e]];
 
-    const auto run = [parallel = threads_of(system_)](std::size_t count, auto&& task) {
-      for_each(parallel, count, [&](std::uint64_t i) { task(std::size_t(i)); });
+    const auto run = [threads = threads_of(system_)](std::size_t count, auto&& task) {
+      threads.for_each(count, [&](std::uint64_t i) { task(std::size_t(i)); });
     };
     const double shift = std::max(options.relaxation, std::is_same_v<S, float> ? single_relaxation : double_relaxation);
     const auto renew = [&] { factors.make(matrix<D, S>(A), cell_, S(shift), A.size(), run); };
@@ -414,12 +414,13 @@ class Projection {
     else
       factors.match(cell_);
 
-    // (A A^T + epsilon) x = b until nothing but `enough` is left, rows in their own units; what is left is in b then.
+    // (A A^T + relaxation) x = b until nothing but `enough` is left, rows in their own units; what is left is in b then.
     std::vector<double> u(nodes_.size() * D), p, q(rows), z(rows);
-    const auto iterate = [&](std::vector<double>& b, std::vector<double>& x, double enough) {
+    const auto iterate = [&](std::vector<double>& b, std::vector<double>& x, double relaxation, double enough,
+                             std::uint32_t last) {
       double rz = 0;
       bool begun = false;
-      while (report.iterations < options.maximum_iterations && !(norm_in_full(b) <= enough)) {
+      while (report.iterations < last && !(norm_in_full(b) <= enough)) {
         if (since > 0 && factors.worn(since) && !fresh_) {
           renew();
           fresh_ = true;
@@ -437,7 +438,7 @@ class Projection {
         rz = next;
         transposed_product<D>(A, p, u);
         product<D>(A, u, q);
-        for (std::size_t i = 0; i < rows; ++i) q[i] += options.relaxation * p[i];
+        for (std::size_t i = 0; i < rows; ++i) q[i] += relaxation * p[i];
         const double step = rz / dot(p, q);
         if (!std::isfinite(step)) break;
         for (std::size_t i = 0; i < rows; ++i) x[i] += step * p[i], b[i] -= step * q[i];
@@ -449,7 +450,7 @@ class Projection {
     std::vector<double> rest(rows), lambda(rows, 0.0), u1(u.size());
     for (std::size_t i = 0; i < rows; ++i) rest[i] = scale[i] * residual_[i];
     const double begun = norm(residual_);
-    iterate(rest, lambda, options.tolerance * norm_in_full(rest));
+    iterate(rest, lambda, options.relaxation, options.tolerance * norm_in_full(rest), options.maximum_iterations);
     factors.took(since);
     transposed_product<D>(A, lambda, u1);
     report.residual = begun > 0 ? std::hypot(norm_in_full(rest), held_norm()) / begun : 0;
@@ -459,7 +460,7 @@ class Projection {
     for (std::size_t i = 0; i < rows; ++i) rest[i] = scale[i] * correction_[i];
     if (const double wanted = norm_in_full(rest); wanted > 0) {
       std::vector<double> y(rows, 0.0);
-      iterate(rest, y, 0.1 * wanted);
+      iterate(rest, y, std::max(options.relaxation, single_relaxation), 0.1 * wanted, report.iterations + 20);
       transposed_product<D>(A, y, u);
       double taken = 0, mixed = 0, own = 0;
       for (std::size_t n = 0; n < nodes_.size(); ++n)
@@ -539,8 +540,8 @@ class Projection {
   template <class Part>
   void for_parts(Part part) const {
     const std::size_t rows = row_end_.size();
-    for_each(threads_of(system_), parts,
-             [&](std::uint64_t k) { part(rows * k / parts, rows * (k + 1) / parts, std::size_t(k)); });
+    threads_of(system_).for_each(parts,
+                                 [&](std::uint64_t k) { part(rows * k / parts, rows * (k + 1) / parts, std::size_t(k)); });
   }
   template <unsigned D>
   void product(const std::vector<double>& A, const std::vector<double>& in, std::vector<double>& out) const {

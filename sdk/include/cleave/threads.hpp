@@ -45,6 +45,12 @@ class Threads {
     if (call.thrown) std::rethrow_exception(call.thrown);
   }
 
+  /// task(0), task(1), ... task(count - 1), each a piece of work of its own.
+  template <class Task>
+  void for_each(std::uint64_t count, const Task& task) const {
+    for_ranges(count, 1, [&](std::uint64_t first, std::uint64_t) { task(first); });
+  }
+
  private:
   const cleave_threads* threads_;
 };
