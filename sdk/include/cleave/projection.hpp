@@ -263,8 +263,12 @@ class Projection {
       const auto by_factors = [&](auto& factors) {
         return d_ == 3 ? solve_by_factors<3>(factors, options) : solve_by_factors<2>(factors, options);
       };
+      std::vector<double> as_given(unknowns);
+      for (std::size_t k = 0; k < unknowns; ++k) as_given[k] = velocity(k);
       report = options.relaxation >= single_relaxation ? by_factors(memory_->single_) : by_factors(memory_->double_);
       if (options.relaxation > 0 || report.residual <= options.tolerance) return report;
+      for (std::size_t k = 0; k < unknowns; ++k) velocity(k) = as_given[k];
+      options.maximum_iterations += report.iterations;
     }
 
     std::vector<double> before(unknowns), change(unknowns, 0.0), slope(unknowns), direction, r(rows), q(rows);

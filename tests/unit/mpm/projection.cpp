@@ -227,6 +227,19 @@ TEST_P(GridProjection, MeetsContradictoryRowsInLeastSquares) {
   EXPECT_LT(report.iterations, 500u) << "it ends where nothing can be gained";
 }
 
+TEST_P(GridProjection, MeetsContradictoryRowsInLeastSquaresWithAMemoryToo) {
+  System s(GetParam(), 8);
+  ProjectionMemory memory;
+  Projection projection(s.abi, memory);
+  Rows rows;
+  stretch_rows(s, projection, 0, &rows);
+  stretch_rows(s, projection, 1, &rows);
+  const Dense wanted = reference(s, rows);
+  const ConstraintReport report = projection.solve({.tolerance = 1e-9, .maximum_iterations = 100});
+  EXPECT_NEAR(report.residual, wanted.residual, 1e-7);
+  EXPECT_LT((s.velocities() - wanted.velocity).norm(), 1e-6 * wanted.velocity.norm());
+}
+
 TEST_P(GridProjection, KeepsMomentumAndTakesNoMoreEnergyThanItMust) {
   const unsigned d = GetParam();
   System s(d, 40);
