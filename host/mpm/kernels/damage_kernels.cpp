@@ -209,19 +209,16 @@ void collect(const ParticleView& set, const BlockView& block, const DamageView& 
   merge_arena<T, D>(nodes, block, s.collected);
 }
 
-/// What a group of particles of one cell adds to K f, from weights in the layout of `tile_weights` with planes: value are rows
-/// of f, c is 16 V of each particle.
-template <class T, int D>
-CLEAVE_INLINE void add_stiffness(const T* w, const Quads<T>& c, const Quads<T> (&value)[stencil_rows<D>],
-                                 Quads<T> (&sum)[stencil_rows<D>]) {
+/// What a particle, or as many of one cell as Q is for, adds to K f, from weights in the layout of `tile_weights` with planes:
+/// value are rows of f, c is 16 V.
+template <class Q, class T, int D>
+CLEAVE_INLINE void add_stiffness(const T* w, const Q& c, const Q (&value)[stencil_rows<D>], Q (&sum)[stencil_rows<D>]) {
   using W = WeightRows<D>;
-  using Q = Quads<T>;
   constexpr int lanes = tile_lanes<T>, rows = stencil_rows<D>;
-  static constexpr T node_offsets[4] = {-1, 0, 1, 0};
-  const Q along_row = repeat_quad(node_offsets);
-  const auto row = [&](int r) { return spread(w + r * lanes); };
+  const Q along_row = repeat_quad<Q, T>(quad<T>(-1, 0, 1, 0));
+  const auto row = [&](int r) { return spread<Q>(w + r * lanes); };
   const auto offset = [&](int a) { return row(W::offset + a); };
-  const Q last = for_nodes<T>(row(W::axis(D - 1)), row(W::axis(D - 1) + 1), row(W::axis(D - 1) + 2));
+  const Q last = for_nodes(row(W::axis(D - 1)), row(W::axis(D - 1) + 1), row(W::axis(D - 1) + 2));
   Q plane[rows];
   for (int r = 0; r < rows; r++) plane[r] = row(D == 3 ? W::plane + r : r);
   // gradient: sums of w f and of w f times (-1, 0, 1) along each axis
@@ -239,13 +236,13 @@ CLEAVE_INLINE void add_stiffness(const T* w, const Quads<T>& c, const Quads<T> (
       along_x = slope;
     }
   }
-  const Q weighted = all * last, total = sum_quads<T>(weighted);
-  const Q gx = c * (sum_quads<T>(along_x * last) + offset(0) * total);
-  const Q gz = c * (sum_quads<T>(along_row * weighted) + offset(D - 1) * total);
+  const Q weighted = all * last, total = sum_quads(weighted);
+  const Q gx = c * (sum_quads(along_x * last) + offset(0) * total);
+  const Q gz = c * (sum_quads(along_row * weighted) + offset(D - 1) * total);
   // back: w (g . (x_i - x_p))
   Q middle = gx * offset(0) + gz * offset(D - 1);
   if constexpr (D == 3) {
-    const Q gy = c * (sum_quads<T>(along_y * last) + offset(1) * total);
+    const Q gy = c * (sum_quads(along_y * last) + offset(1) * total);
     middle += gy * offset(1);
     const Q base = last * (middle + along_row * gz), step_x = gx * last, step_y = gy * last;
     for (int i = 0; i < 3; i++) {
@@ -267,7 +264,7 @@ void stiffness(const ParticleView& set, const BlockView& block, const DamageView
   auto& s = *static_cast<DamageScratch<T, D>*>(scratch);
   using W = WeightRows<D>;
   using V = Part<T>;
-  constexpr int lanes = tile_lanes<T>, rows = stencil_rows<D>, group = side_by_side<T>;
+  constexpr int lanes = tile_lanes<T>, rows = stencil_rows<D>, together = side_by_side<Quads<T>>;
   load_numbers<T, D>(from, block, s.from);
   if (!any_number<T, D>(s.from)) return;
   for_chunks<T>(set, block, [&](const Chunk& chunk) {
@@ -276,24 +273,30 @@ void stiffness(const ParticleView& set, const BlockView& block, const DamageView
     for (int p = 0; p < chunk.tiles * lanes; p += V::lanes) store<V>(s.coefficient + p, T(16) * load<V>(volume + p));
     for (int p = 0; p < chunk.points;) {
       const std::int32_t first = s.node[p];
-      int end = p + 1;
-      while (end < chunk.points && s.node[end] == first) end++;
-      Quads<T> value[rows], sum[rows];
-      TileMask<Quads<T>> present{};
+      int end = p + 1;  // of the particles of this cell, within a tile
+      while (end < chunk.points && end % lanes != 0 && s.node[end] == first) end++;
+      Quad<T> value[rows], sum[rows];
+      auto present = Quad<T>{} != Quad<T>{};
       for (int r = 0; r < rows; r++) {
-        value[r] = repeat_quad(s.from + first + row_start<D>(r));
+        value[r] = load_row(s.from + first + row_start<D>(r));
         present |= value[r] != T(0);
-        sum[r] = Quads<T>{};
+        sum[r] = Quad<T>{};
       }
       if (any(present)) {
-        for (int g = p / group * group; g < end; g += group) {
-          alignas(64) T own[group];  // none of particles in other cells
-          for (int l = 0; l < group; l++) own[l] = g + l >= p && g + l < end ? s.coefficient[g + l] : T(0);
-          const bool whole = g >= p && g + group <= end;
-          add_stiffness<T, D>(s.weights + (g / lanes) * (W::count * lanes) + g % lanes, spread(whole ? s.coefficient + g : own),
-                              value, sum);
+        const T* w = s.weights + (p / lanes) * (W::count * lanes) - p / lanes * lanes;
+        int next = p;
+        if (together > 1 && end - p >= together) {
+          Quads<T> values[rows], sums[rows];
+          for (int r = 0; r < rows; r++) {
+            values[r] = repeat_quad<Quads<T>, T>(value[r]);
+            sums[r] = Quads<T>{};
+          }
+          for (; next + together <= end; next += together)
+            add_stiffness<Quads<T>, T, D>(w + next, spread<Quads<T>>(s.coefficient + next), values, sums);
+          for (int r = 0; r < rows; r++) sum[r] = add_up<T>(sums[r]);
         }
-        for (int r = 0; r < rows; r++) add_row<T>(s.to + first + row_start<D>(r), add_up<T>(sum[r]));
+        for (; next < end; next++) add_stiffness<Quad<T>, T, D>(w + next, spread<Quad<T>>(s.coefficient + next), value, sum);
+        for (int r = 0; r < rows; r++) add_row<T>(s.to + first + row_start<D>(r), sum[r]);
       }
       p = end;
     }
