@@ -203,7 +203,8 @@ class SparseCholesky {
     };
     std::vector<std::vector<S>> updates(fronts_.size());
     const auto factor_front = [&](std::size_t f, Scratch& scratch) {
-      auto& [dense, position, target, matrix] = scratch;
+      std::vector<std::uint32_t>&position = scratch.position, &target = scratch.target;
+      std::vector<S>& matrix = scratch.matrix;
       position.resize(n);
       const Front& front = fronts_[f];
       const std::size_t k = front.count, m = k + front.border.size();
@@ -227,7 +228,7 @@ class SparseCholesky {
         }
         updates[child] = {};
       }
-      dense.factor(matrix.data(), m, k, shift);
+      scratch.dense.factor(matrix.data(), m, k, shift);
       for (std::size_t c = 0; c < k; ++c)
         std::copy_n(matrix.data() + c * m + c, m - c, factor_.data() + front.entries + c * m - c * (c - 1) / 2);
       if (front.border.empty()) return;
