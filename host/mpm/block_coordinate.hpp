@@ -10,6 +10,9 @@ namespace cleave::mpm {
 /// Integer coordinate of a grid block; in two dimensions the last one is 0.
 using BlockCoordinate = std::array<std::int32_t, 3>;
 
+/// a/b rounded down, b > 0.
+inline int floor_divide(int a, int b) { return a >= 0 ? a / b : -((b - 1 - a) / b); }
+
 /// Interleaves the bits of the coordinates (21 bits each, centred at zero): neighbours in space are near in memory.
 inline std::uint64_t morton_key(const BlockCoordinate& c) {
   const auto spread = [](std::int32_t signed_value) {

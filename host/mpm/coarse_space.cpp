@@ -15,8 +15,6 @@ constexpr std::size_t most_corners = 4000;
 
 /// Points of the stiffness in an octant: its Gauss points, because one in its middle would not feel the twisting of an element.
 constexpr double gauss = 0.28867513459481287;
-
-int floor_divide(int a, int b) { return a >= 0 ? a / b : -((b - 1 - a) / b); }
 }  // namespace
 
 /// f(node, weights of the corners)

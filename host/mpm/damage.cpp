@@ -80,10 +80,7 @@ void DamageEvolution<T, D>::for_coloured(const Particles<T, D>& particles, const
     selected.clear();
     for (const auto i : colour)
       if (home[i]) selected.push_back(i);
-    tbb::parallel_for(tbb::blocked_range<std::size_t>(0, selected.size(), 4), [&](const auto& range) {
-      void* memory = scratch();
-      for (std::size_t i = range.begin(); i < range.end(); i++) work(selected[i], memory);
-    });
+    for_particle_blocks(selected, scratch_, work);
   }
 }
 

@@ -5,9 +5,8 @@
 #include "mpm/grid.hpp"
 #include "mpm/kernels/kernels.hpp"
 #include "mpm/material.hpp"
+#include "mpm/particle_blocks.hpp"
 #include "mpm/particles.hpp"
-
-#include <tbb/enumerable_thread_specific.h>
 
 #include <cstdint>
 #include <vector>
@@ -98,7 +97,7 @@ class DamageEvolution {
   Buffer collected_, initial_, change_, residual_, direction_, product_;
   std::vector<double> partial_;
   std::vector<DamageReport> reports_;
-  tbb::enumerable_thread_specific<Buffer> scratch_;
+  ThreadScratch scratch_;
   Statistics statistics_;
 };
 

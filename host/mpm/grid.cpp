@@ -59,7 +59,6 @@ void Grid<T, D>::clear(T* values) const {
 
 template <class T, int D>
 std::size_t Grid<T, D>::node_index(const Index3& c) const {
-  const auto floor_divide = [](int a, int b) { return a >= 0 ? a / b : -((-a + b - 1) / b); };
   BlockCoordinate block{0, 0, 0};
   std::size_t inside = 0;
   for (int a = 0; a < D; a++) {

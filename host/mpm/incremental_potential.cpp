@@ -66,17 +66,6 @@ void IncrementalPotential<T, D>::begin(const Grid<T, D>& grid, std::vector<Part>
   }
 }
 
-/// Blocks of one colour reach disjoint nodes; colours follow each other, so that sums have one order.
-template <class T, int D>
-template <class F>
-void IncrementalPotential<T, D>::for_coloured(const Particles<T, D>& particles, F&& work) {
-  for (const auto& colour : particles.colours())
-    tbb::parallel_for(tbb::blocked_range<std::size_t>(0, colour.size(), 4), [&](const auto& range) {
-      void* memory = scratch_.local().data();
-      for (std::size_t i = range.begin(); i < range.end(); i++) work(colour[i], memory);
-    });
-}
-
 template <class T, int D>
 void IncrementalPotential<T, D>::clear(T* nodes, int numbers) const {
   for_blocks([&](std::size_t first) {
@@ -94,7 +83,7 @@ auto IncrementalPotential<T, D>::evaluate(const T* velocity, T* gradient) -> Val
     const auto& blocks = parts_[k].particles->blocks();
     std::vector<BlockReport> reports(blocks.size());
     std::vector<double> energies(blocks.size(), 0.0);
-    for_coloured(*parts_[k].particles, [&](std::size_t i, void* memory) {
+    for_coloured(*parts_[k].particles, scratch_, [&](std::size_t i, void* memory) {
       kernels_.potential(parts_[k].view, blocks[i], views_[k], velocity, gradient, memory, reports[i], energies[i]);
     });
     for (const double e : energies) value.energy += e;
@@ -143,7 +132,7 @@ void IncrementalPotential<T, D>::multiply(const T* direction, T* product) {
   clear(product, 4);
   for (std::size_t k = 0; k < parts_.size(); k++) {
     const auto& blocks = parts_[k].particles->blocks();
-    for_coloured(*parts_[k].particles, [&](std::size_t i, void* memory) {
+    for_coloured(*parts_[k].particles, scratch_, [&](std::size_t i, void* memory) {
       kernels_.product(parts_[k].view, blocks[i], views_[k], direction, product, memory);
     });
   }
@@ -171,7 +160,7 @@ void IncrementalPotential<T, D>::find_tangents() {
   });
   for (std::size_t k = 0; k < parts_.size(); k++) {
     const auto& blocks = parts_[k].particles->blocks();
-    for_coloured(*parts_[k].particles, [&](std::size_t i, void* memory) {
+    for_coloured(*parts_[k].particles, scratch_, [&](std::size_t i, void* memory) {
       kernels_.tangent(parts_[k].view, blocks[i], views_[k], diagonal, octants, memory);
     });
   }

@@ -4,10 +4,10 @@
 #include "mpm/grid.hpp"
 #include "mpm/kernels/kernels.hpp"
 #include "mpm/material.hpp"
+#include "mpm/particle_blocks.hpp"
 #include "mpm/particles.hpp"
 
 #include <tbb/blocked_range.h>
-#include <tbb/enumerable_thread_specific.h>
 #include <tbb/parallel_for.h>
 
 #include <cstdint>
@@ -84,8 +84,6 @@ class IncrementalPotential {
   }
 
  private:
-  template <class F>
-  void for_coloured(const Particles<T, D>&, F&&);
   void clear(T* nodes, int numbers) const;
 
   const ImplicitKernels<T, D>& kernels_;
@@ -97,7 +95,7 @@ class IncrementalPotential {
   std::vector<std::uint32_t> blocks_;
   Buffer target_, diagonal_, octants_;
   std::vector<Buffer> deformation_;  // per part
-  tbb::enumerable_thread_specific<Buffer> scratch_;
+  ThreadScratch scratch_;
   std::size_t failed_part_ = 0;
   BlockReport failure_;
 };

@@ -11,13 +11,13 @@
 #include "mpm/integrator_choice.hpp"
 #include "mpm/law_watch.hpp"
 #include "mpm/material.hpp"
+#include "mpm/particle_blocks.hpp"
 #include "mpm/particles.hpp"
 #include "mpm/time_step.hpp"
 
 #include <fmt/format.h>
 #include <fmt/ranges.h>
 #include <spdlog/spdlog.h>
-#include <tbb/enumerable_thread_specific.h>
 #include <tbb/parallel_for.h>
 
 #include <Eigen/LU>
@@ -63,7 +63,7 @@ class MpmSimulation final : public Simulation {
  public:
   MpmSimulation(const config::Scene& scene, plugins::Registry& registry)
       : scene_(scene),
-        kernels_(kernels_of<T, D>(load_kernels())),
+        kernels_(kernels_of<T, D>(load_kernels().transfer)),
         cell_size_(scene.simulation.cell_size),
         colliders_(scene.colliders, scene.simulation.cell_size),
         handles_(scene.handles, scene.simulation.cell_size),
@@ -305,7 +305,7 @@ class MpmSimulation final : public Simulation {
   std::unique_ptr<Constraints<T, D>> constraints_;                                    // null if no material has one
   std::vector<HeldNode> held_nodes_;                                                  // in this step, kept for constraints only
   Buffer constants_;
-  tbb::enumerable_thread_specific<Buffer> scratch_;
+  ThreadScratch scratch_;
 
   std::vector<std::size_t> held_;                    // particles of each handle
   std::map<std::string, std::int64_t> integrators_;  // steps of each
@@ -627,12 +627,9 @@ void MpmSimulation<T, D>::particles_to_grid(StepView& step, bool stress) {
       const ParticleView particles = view(s);
       const auto& blocks = sets_[s]->blocks();
       std::vector<BlockReport> reports(blocks.size());
-      for (const auto& colour : sets_[s]->colours())
-        tbb::parallel_for(tbb::blocked_range<std::size_t>(0, colour.size(), 4), [&](const auto& range) {
-          void* memory = scratch();
-          for (std::size_t i = range.begin(); i < range.end(); i++)
-            kernels_.particle_to_grid(particles, blocks[colour[i]], step, memory, reports[colour[i]]);
-        });
+      for_coloured(*sets_[s], scratch_, [&](std::size_t i, void* memory) {
+        kernels_.particle_to_grid(particles, blocks[i], step, memory, reports[i]);
+      });
       check(reports, s, "particles to grid");
     }
     if (pass == 0) {  // FLIP compares with the velocities before forces

@@ -464,6 +464,6 @@ DamageKernels<T, D> table() {
 }  // namespace
 }  // namespace cleave::mpm::kernel
 
-cleave::mpm::DamageKernelSet cleave::mpm::damage_kernels() {
+cleave::mpm::KernelTable<cleave::mpm::DamageKernels> cleave::mpm::damage_kernels() {
   return {kernel::table<float, 2>(), kernel::table<float, 3>(), kernel::table<double, 2>(), kernel::table<double, 3>()};
 }

@@ -130,6 +130,33 @@ CLEAVE_INLINE void velocity_gradient(const T* records, const T* w, T* rows, Tile
   }
 }
 
+/// Calls each(tile of the chunk, F_n, C) with the strain before the step and the gradient of the velocities in the arena, times
+/// `scale`. Weights stay in the scratch as the scatter wants them, g where the laws want it.
+template <class T, int D, class F>
+CLEAVE_INLINE void for_velocity_gradients(ImplicitScratch<T, D>& s, const ParticleView& set, const ImplicitView& view,
+                                          const Chunk& chunk, Tile<T> scale, F&& each) {
+  using W = WeightRows<D>;
+  constexpr int lanes = tile_lanes<T>;
+  for (int k = 0; k < chunk.tiles; k++)
+    weights_both_ways<T, D>(set, set.tiles + (chunk.first + k) * set.stride, s.weights + k * (W::count * lanes),
+                            s.node + k * lanes);
+  gather_chunk<T, D>(s.gather_arena, s.weights, s.node, chunk.points, s.records);
+  degrade_implicit<T>(set, view, chunk, s.law);
+  for (int k = 0; k < chunk.tiles; k++) {
+    Tile<T> C[D][D];
+    velocity_gradient<T, D>(s.records + k * lanes * record_size, s.weights + k * (W::count * lanes), s.rows, scale, C);
+    each(k, deformation_before<T, D>(set, set.tiles + (chunk.first + k) * set.stride), C);
+  }
+}
+
+/// Row i, column j of A F_n.
+template <class T, int D>
+CLEAVE_INLINE Tile<T> times(const Tile<T> (&A)[D][D], const Strain<T, D>& F, int i, int j) {
+  Tile<T> sum = A[i][0] * F.in_plane[0][j];
+  for (int a = 1; a < D; a++) sum += A[i][a] * F.in_plane[a][j];
+  return sum;
+}
+
 /// S (x_i - x_p) to the nodes, beside the mass.
 template <class T, int D>
 CLEAVE_INLINE void impulse_records(const T* w, Tile<T> mass, const Tile<T> (&S)[D][D], T* rows, T* records) {
@@ -195,40 +222,33 @@ void potential(const ParticleView& set, const BlockView& block, const ImplicitVi
   for_chunks<T>(
       set, block, [&](const Chunk& chunk) __attribute__((always_inline)) {
         const auto law_row = [&](int k, int row) { return s.law + (k * implicit_rows + row) * lanes; };
-        for (int k = 0; k < chunk.tiles; k++)
-          weights_both_ways<T, D>(set, set.tiles + (chunk.first + k) * set.stride, s.weights + k * (W::count * lanes),
-                                  s.node + k * lanes);
-        gather_chunk<T, D>(s.gather_arena, s.weights, s.node, chunk.points, s.records);
-        degrade_implicit<T>(set, view, chunk, s.law);
-        for (int k = 0; k < chunk.tiles; k++) {
-          const Strain<T, D> before = deformation_before<T, D>(set, set.tiles + (chunk.first + k) * set.stride);
-          Tile<T> A[D][D], F[D][D];
-          velocity_gradient<T, D>(s.records + k * lanes * record_size, s.weights + k * (W::count * lanes), s.rows, dt_gradient,
-                                  A);
-          for (int i = 0; i < D; i++) A[i][i] += T(1);
-          char* at = view.deformation + (chunk.first + k) * (F_rows * CLEAVE_TILE_BYTES);
-          for (int i = 0; i < D; i++)
-            for (int j = 0; j < D; j++) {
-              F[i][j] = A[i][0] * before.in_plane[0][j];
-              for (int a = 1; a < D; a++) F[i][j] += A[i][a] * before.in_plane[a][j];
-              store<T>(at + (D * i + j) * CLEAVE_TILE_BYTES, F[i][j]);
-            }
-          if constexpr (D == 2) store<T>(at + 4 * CLEAVE_TILE_BYTES, before.out_of_plane);
-          if (view.piola) continue;
-          for (int i = 0; i < D; i++)
-            for (int a = 0; a < D; a++) store<T>(law_row(k, implicit_delta_row + D * i + a), A[i][a]);
-          if (!view.takes_b) continue;
-          constexpr int pair[6][2] = {{0, 0}, {1, 1}, {2, 2}, {0, 1}, {0, 2}, {1, 2}};
-          for (int c = 0; c < 6; c++) {
-            const int i = pair[c][0], j = pair[c][1];
-            Tile<T> b{};
-            if (i < D && j < D)
-              for (int a = 0; a < D; a++) b += F[i < D ? i : 0][a] * F[j < D ? j : 0][a];
-            else if (i == j)
-              b = before.out_of_plane * before.out_of_plane;
-            store<T>(law_row(k, implicit_b_row + c), b);
-          }
-        }
+        for_velocity_gradients<T, D>(
+            s, set, view, chunk,
+            dt_gradient, [&](int k, const Strain<T, D>& before, Tile<T>(&A)[D][D]) __attribute__((always_inline)) {
+              Tile<T> F[D][D];
+              for (int i = 0; i < D; i++) A[i][i] += T(1);
+              char* at = view.deformation + (chunk.first + k) * (F_rows * CLEAVE_TILE_BYTES);
+              for (int i = 0; i < D; i++)
+                for (int j = 0; j < D; j++) {
+                  F[i][j] = times<T, D>(A, before, i, j);
+                  store<T>(at + (D * i + j) * CLEAVE_TILE_BYTES, F[i][j]);
+                }
+              if constexpr (D == 2) store<T>(at + 4 * CLEAVE_TILE_BYTES, before.out_of_plane);
+              if (view.piola) return;
+              for (int i = 0; i < D; i++)
+                for (int a = 0; a < D; a++) store<T>(law_row(k, implicit_delta_row + D * i + a), A[i][a]);
+              if (!view.takes_b) return;
+              constexpr int pair[6][2] = {{0, 0}, {1, 1}, {2, 2}, {0, 1}, {0, 2}, {1, 2}};
+              for (int c = 0; c < 6; c++) {
+                const int i = pair[c][0], j = pair[c][1];
+                Tile<T> b{};
+                if (i < D && j < D)
+                  for (int a = 0; a < D; a++) b += F[i < D ? i : 0][a] * F[j < D ? j : 0][a];
+                else if (i == j)
+                  b = before.out_of_plane * before.out_of_plane;
+                store<T>(law_row(k, implicit_b_row + c), b);
+              }
+            });
         evaluate_at<T, D>(view.response, set, view, chunk, s.law, s.status, report);
         for (int k = 0; k < chunk.tiles; k++) {
           const char* tile = set.tiles + (chunk.first + k) * set.stride;
@@ -280,23 +300,12 @@ void product(const ParticleView& set, const BlockView& block, const ImplicitView
   for_chunks<T>(
       set, block, [&](const Chunk& chunk) __attribute__((always_inline)) {
         const auto law_row = [&](int k, int row) { return s.law + (k * implicit_rows + row) * lanes; };
-        for (int k = 0; k < chunk.tiles; k++)
-          weights_both_ways<T, D>(set, set.tiles + (chunk.first + k) * set.stride, s.weights + k * (W::count * lanes),
-                                  s.node + k * lanes);
-        gather_chunk<T, D>(s.gather_arena, s.weights, s.node, chunk.points, s.records);
-        degrade_implicit<T>(set, view, chunk, s.law);
-        for (int k = 0; k < chunk.tiles; k++) {
-          const Strain<T, D> before = deformation_before<T, D>(set, set.tiles + (chunk.first + k) * set.stride);
-          Tile<T> C[D][D];
-          velocity_gradient<T, D>(s.records + k * lanes * record_size, s.weights + k * (W::count * lanes), s.rows, dt_gradient,
-                                  C);
-          for (int i = 0; i < D; i++)
-            for (int j = 0; j < D; j++) {
-              Tile<T> dF = C[i][0] * before.in_plane[0][j];
-              for (int a = 1; a < D; a++) dF += C[i][a] * before.in_plane[a][j];
-              store<T>(law_row(k, implicit_delta_row + D * i + j), dF);
-            }
-        }
+        for_velocity_gradients<T, D>(
+            s, set, view, chunk,
+            dt_gradient, [&](int k, const Strain<T, D>& before, Tile<T>(&C)[D][D]) __attribute__((always_inline)) {
+              for (int i = 0; i < D; i++)
+                for (int j = 0; j < D; j++) store<T>(law_row(k, implicit_delta_row + D * i + j), times<T, D>(C, before, i, j));
+            });
         evaluate_at<T, D>(view.differential, set, view, chunk, s.law, s.status, unread);
         for (int k = 0; k < chunk.tiles; k++) {
           const char* tile = set.tiles + (chunk.first + k) * set.stride;
@@ -417,6 +426,6 @@ ImplicitKernels<T, D> table() {
 }  // namespace
 }  // namespace cleave::mpm::kernel
 
-cleave::mpm::ImplicitKernelSet cleave::mpm::implicit_kernels() {
+cleave::mpm::KernelTable<cleave::mpm::ImplicitKernels> cleave::mpm::implicit_kernels() {
   return {kernel::table<float, 2>(), kernel::table<float, 3>(), kernel::table<double, 2>(), kernel::table<double, 3>()};
 }

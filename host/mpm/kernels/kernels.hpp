@@ -110,6 +110,15 @@ struct BlockReport {
   std::uint64_t slot = ~0ull;  ///< smallest particle slot (tile * lanes + lane) with a problem
 };
 
+/// The same kernels for each precision and dimension.
+template <template <class T, int D> class Kernels>
+struct KernelTable {
+  Kernels<float, 2> single_2d;
+  Kernels<float, 3> single_3d;
+  Kernels<double, 2> double_2d;
+  Kernels<double, 3> double_3d;
+};
+
 template <class T, int D>
 struct TransferKernels {
   std::size_t scratch_bytes = 0;  ///< per thread, 64-byte aligned, zero before first use
@@ -160,14 +169,8 @@ struct DamageKernels {
                           void* scratch, DamageReport&) = nullptr;
 };
 
-struct DamageKernelSet {
-  DamageKernels<float, 2> single_2d;
-  DamageKernels<float, 3> single_3d;
-  DamageKernels<double, 2> double_2d;
-  DamageKernels<double, 3> double_3d;
-};
 /// Of the same shared object.
-DamageKernelSet damage_kernels();
+KernelTable<DamageKernels> damage_kernels();
 
 /// Rows of F at the end of a step, per tile: 3D all of it row-major, 2D 00 01 10 11 22.
 template <int D>
@@ -218,28 +221,19 @@ struct ImplicitKernels {
   void (*tangent)(const ParticleView&, const BlockView&, const ImplicitView&, T* diagonal, T* octants, void* scratch) = nullptr;
 };
 
-struct ImplicitKernelSet {
-  ImplicitKernels<float, 2> single_2d;
-  ImplicitKernels<float, 3> single_3d;
-  ImplicitKernels<double, 2> double_2d;
-  ImplicitKernels<double, 3> double_3d;
-};
 /// Of the same shared object.
-ImplicitKernelSet implicit_kernels();
+KernelTable<ImplicitKernels> implicit_kernels();
 
 struct KernelSet {
   const char* isa = nullptr;
-  TransferKernels<float, 2> single_2d;
-  TransferKernels<float, 3> single_3d;
-  TransferKernels<double, 2> double_2d;
-  TransferKernels<double, 3> double_3d;
-  DamageKernelSet damage;
-  ImplicitKernelSet implicit;
+  KernelTable<TransferKernels> transfer;
+  KernelTable<DamageKernels> damage;
+  KernelTable<ImplicitKernels> implicit;
 };
 
-/// The kernels of one precision and dimension, of any of these sets.
-template <class T, int D, class Set>
-const auto& kernels_of(const Set& set) {
+/// The kernels of one precision and dimension.
+template <class T, int D, template <class, int> class Kernels>
+const Kernels<T, D>& kernels_of(const KernelTable<Kernels>& set) {
   if constexpr (sizeof(T) == sizeof(float)) {
     if constexpr (D == 2)
       return set.single_2d;

@@ -293,8 +293,10 @@ TransferKernels<T, D> table() {
 
 extern "C" __attribute__((visibility("default"))) const cleave::mpm::KernelSet* cleave_kernels() {
   using namespace cleave::mpm;
-  static const KernelSet set{CLEAVE_KERNEL_ISA,          kernel::table<float, 2>(),  kernel::table<float, 3>(),
-                             kernel::table<double, 2>(), kernel::table<double, 3>(), damage_kernels(),
-                             implicit_kernels()};
+  static const KernelSet set{
+      CLEAVE_KERNEL_ISA,
+      {kernel::table<float, 2>(), kernel::table<float, 3>(), kernel::table<double, 2>(), kernel::table<double, 3>()},
+      damage_kernels(),
+      implicit_kernels()};
   return &set;
 }
