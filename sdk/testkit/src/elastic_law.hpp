@@ -149,6 +149,18 @@ inline ElasticPoint random_point(Random& random, double spread, double g = 1) {
   return point;
 }
 
+/// For differences by F: of each point and component, the point with `step` more of it, then with `step` less.
+inline std::vector<ElasticPoint> moved_each_way(const std::vector<ElasticPoint>& points, double step) {
+  std::vector<ElasticPoint> moved;
+  for (const ElasticPoint& point : points)
+    for (std::size_t i = 0; i < 9; ++i)
+      for (double sign : {1, -1}) {
+        moved.push_back(point);
+        moved.back().F[i] += sign * step;
+      }
+  return moved;
+}
+
 /// P = tau F^-T, row-major; det F must not vanish.
 inline Matrix3 piola(const Symmetric3& tau, const Matrix3& F) {
   const Matrix3 cofactor{F[4] * F[8] - F[5] * F[7], F[5] * F[6] - F[3] * F[8], F[3] * F[7] - F[4] * F[6],

@@ -10,7 +10,7 @@ namespace {
 template <class T, int D>
 void particle_to_grid(benchmark::State& state, const std::string& isa, const Scale& scale) {
   Specimen<T, D> s(isa, scale.particles, false);
-  const auto& kernels = mpm::kernels_of<T, D>(kernels_for(isa));
+  const auto& kernels = mpm::kernels_of<T, D>(kernels_for(isa).transfer);
   mpm::Buffer scratch(kernels.scratch_bytes);
   mpm::BlockReport report;
   const auto transfer = [&] {
@@ -28,7 +28,7 @@ void particle_to_grid(benchmark::State& state, const std::string& isa, const Sca
 template <class T, int D>
 void grid_to_particle(benchmark::State& state, const std::string& isa, const Scale& scale) {
   Specimen<T, D> s(isa, scale.particles, false);
-  const auto& kernels = mpm::kernels_of<T, D>(kernels_for(isa));
+  const auto& kernels = mpm::kernels_of<T, D>(kernels_for(isa).transfer);
   mpm::Buffer scratch(kernels.scratch_bytes);
   mpm::BlockReport report;
   s.grid.clear(s.grid.data());
@@ -51,7 +51,7 @@ void grid_to_particle(benchmark::State& state, const std::string& isa, const Sca
 template <class T, int D>
 void grid_update(benchmark::State& state, const std::string& isa, const Scale& scale) {
   Specimen<T, D> s(isa, scale.particles, false);
-  const auto& kernels = mpm::kernels_of<T, D>(kernels_for(isa));
+  const auto& kernels = mpm::kernels_of<T, D>(kernels_for(isa).transfer);
   const auto fill = [&] {
     for (std::size_t n = 0; n < s.grid.nodes(); n++)
       for (int i = 0; i < 4; i++) s.grid.node(n)[i] = i == 0 ? T(2) : T(1);

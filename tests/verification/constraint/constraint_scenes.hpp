@@ -31,13 +31,7 @@ struct Constrained : PointScene {
     scene.handles.push_back(h);
   }
   void add_wall(const Vector3& point, const Vector3& normal, config::Contact contact) {
-    config::Collider c;
-    c.name = "wall-" + std::to_string(scene.colliders.size());
-    c.shape.type = cleave::scene::ShapeSpec::Type::half_space;
-    c.shape.axis = normal;
-    c.shape.center = point;
-    c.contact = contact;
-    scene.colliders.push_back(c);
+    scene.colliders.push_back(half_space(contact, normal, point));
   }
 };
 

@@ -37,15 +37,6 @@ class Said {
 
 constexpr double density = 1000, dx = 0.05;
 
-config::Collider half_space(config::Contact contact, const Vector3& normal) {
-  config::Collider collider;
-  collider.name = "plane";
-  collider.contact = contact;
-  collider.shape.type = scene::ShapeSpec::Type::half_space;
-  collider.shape.axis = normal;
-  return collider;
-}
-
 /// A bar along x, clamped at its left end, that bends under its weight.
 struct HangingBar : PointScene {
   HangingBar(double youngs_modulus)

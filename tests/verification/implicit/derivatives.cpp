@@ -74,7 +74,7 @@ struct System {
     view.constants = constants.data();
     view.residual = damage ? material.damage_model().residual : 0;
     // masses as the transfer gives them
-    const auto& kernels = mpm::kernels_of<T, D>(mpm::load_kernels());
+    const auto& kernels = mpm::kernels_of<T, D>(mpm::load_kernels().transfer);
     grid.clear(grid.data());
     mpm::StepView step;
     step.cell_size = dx;

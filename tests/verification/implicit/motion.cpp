@@ -193,12 +193,8 @@ TEST(ImplicitStep, FindsItsWayFromRandomAndCollapsedStrains) {
 }
 
 config::Collider plane(config::Contact contact, double friction) {
-  config::Collider c;
-  c.name = "plane";
-  c.contact = contact;
+  config::Collider c = half_space(contact, Vector3(0, 1, 0));
   c.friction = friction;
-  c.shape.type = scene::ShapeSpec::Type::half_space;
-  c.shape.axis = Vector3(0, 1, 0);
   return c;
 }
 

@@ -25,13 +25,7 @@ Vibration vibrate(double dx, const std::string& law) {
   auto points = lattice(2, dx, 2, Vector3(0, -dx, 0), Vector3(L, dx, 0));
   for (auto& p : points) p.v.x() = v0 * std::sin(M_PI * p.x.x() / (2 * L));
   PointScene s(2, dx, points, law, {{"youngs_modulus", E}, {"poissons_ratio", 0.0}}, rho);
-  config::Collider clamp;
-  clamp.name = "clamp";
-  clamp.contact = config::Contact::sticky;
-  clamp.shape.type = scene::ShapeSpec::Type::half_space;
-  clamp.shape.center = Vector3(1e-9, 0, 0);
-  clamp.shape.axis = Vector3(1, 0, 0);
-  s.scene.colliders.push_back(clamp);
+  s.scene.colliders.push_back(half_space(config::Contact::sticky, Vector3(1, 0, 0), Vector3(1e-9, 0, 0)));
   s.scene.simulation.time_step = 0.2 * dx / std::sqrt(E / rho);
   auto simulation = s.start();
   const double period = 2 * M_PI / omega;

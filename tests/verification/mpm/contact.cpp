@@ -13,12 +13,8 @@ std::vector<double> incline(double friction, double angle, config::Contact conta
   const double dx = 0.05, g = 10;
   auto points = lattice(2, dx, 2, Vector3(0, 0, 0), Vector3(0.8, 0.4, 0));
   PointScene s(2, dx, points, "elasticity/split-neo-hookean", {{"youngs_modulus", 1e6}, {"poissons_ratio", 0.3}}, 1000);
-  config::Collider plane;
-  plane.name = "plane";
-  plane.contact = contact;
+  config::Collider plane = half_space(contact, Vector3(0, 1, 0));
   plane.friction = friction;
-  plane.shape.type = scene::ShapeSpec::Type::half_space;
-  plane.shape.axis = Vector3(0, 1, 0);
   s.scene.colliders.push_back(plane);
   s.scene.simulation.gravity = g * Vector3(std::sin(angle), -std::cos(angle), 0);
   auto simulation = s.start();
@@ -61,11 +57,8 @@ TEST(Floor, HoldsTheSandThatFallsOnIt) {
   s.scene.materials[0].plasticity.emplace();
   s.scene.materials[0].plasticity->id = "plasticity/drucker-prager";
   s.scene.materials[0].plasticity->parameters = {{"friction_angle", 25.0}};
-  config::Collider floor;
-  floor.name = "floor";
+  config::Collider floor = half_space(config::Contact::separate, Vector3(0, 1, 0));  // through a row of nodes
   floor.friction = 0.3;
-  floor.shape.type = scene::ShapeSpec::Type::half_space;
-  floor.shape.axis = Vector3(0, 1, 0);  // through a row of nodes
   s.scene.colliders.push_back(floor);
   s.scene.simulation.gravity = Vector3(0, -10, 0);
   const auto simulation = s.start();
@@ -84,12 +77,7 @@ TEST(MovingCollider, PushesWithItsOwnSpeed) {
   const double dx = 0.05;
   auto points = lattice(2, dx, 2, Vector3(0.1, -0.2, 0), Vector3(0.5, 0.2, 0));
   PointScene s(2, dx, points, "elasticity/split-neo-hookean", {{"youngs_modulus", 1e5}, {"poissons_ratio", 0.3}}, 1000);
-  config::Collider wall;
-  wall.name = "wall";
-  wall.contact = config::Contact::slip;
-  wall.shape.type = scene::ShapeSpec::Type::half_space;
-  wall.shape.center = Vector3(0, 0, 0);
-  wall.shape.axis = Vector3(1, 0, 0);
+  config::Collider wall = half_space(config::Contact::slip, Vector3(1, 0, 0));
   wall.motion.velocity = Vector3(0.5, 0, 0);
   s.scene.colliders.push_back(wall);
   auto simulation = s.start();

@@ -60,6 +60,17 @@ inline void write_particles(const std::filesystem::path& file, const std::vector
   }
 }
 
+/// All behind the plane through `point`.
+inline config::Collider half_space(config::Contact contact, const Vector3& normal, const Vector3& point = Vector3::Zero()) {
+  config::Collider collider;
+  collider.name = "half-space";
+  collider.contact = contact;
+  collider.shape.type = scene::ShapeSpec::Type::half_space;
+  collider.shape.axis = normal;
+  collider.shape.center = point;
+  return collider;
+}
+
 /// A scene of one body made of the given points.
 class PointScene {
  public:

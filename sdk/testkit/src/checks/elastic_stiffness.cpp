@@ -19,13 +19,7 @@ struct EnergyGradient {
 };
 std::vector<EnergyGradient> energy_gradients(const ElasticLaw& law, const std::vector<ElasticPoint>& points) {
   constexpr double step = 1e-5;
-  std::vector<ElasticPoint> moved;
-  for (const ElasticPoint& point : points)
-    for (std::size_t i = 0; i < 9; ++i)
-      for (double sign : {1, -1}) {
-        moved.push_back(point);
-        moved.back().F[i] += sign * step;
-      }
+  const std::vector<ElasticPoint> moved = moved_each_way(points, step);
   const auto here = law(points), around = law(moved);
   std::vector<EnergyGradient> gradients(points.size());
   for (std::size_t k = 0; k < around.size(); k += 2) {

@@ -127,13 +127,7 @@ void material_symmetry(Context& context) {
 
 /// (d psi / d F) F^T by central differences with `step`.
 std::vector<Matrix3> energy_derivatives(const ElasticLaw& law, const std::vector<ElasticPoint>& points, double step) {
-  std::vector<ElasticPoint> moved;
-  for (const ElasticPoint& point : points)
-    for (std::size_t i = 0; i < 9; ++i)
-      for (double sign : {1, -1}) {
-        moved.push_back(point);
-        moved.back().F[i] += sign * step;
-      }
+  const std::vector<ElasticPoint> moved = moved_each_way(points, step);
   const auto answers = law(moved);
   std::vector<Matrix3> derivatives;
   for (std::size_t k = 0; k < points.size(); ++k) {
