@@ -211,7 +211,9 @@ enum cleave_capability {
   CLEAVE_SINGLE = 1 << 15,                 /* offers f32 batches */
   CLEAVE_DOUBLE = 1 << 16,                 /* offers f64 batches */
   CLEAVE_HAS_ISOCHORIC_RESPONSE = 1 << 17, /* elasticity: offers extension "cleave.isochoric-response/1" */
-  CLEAVE_HAS_PIOLA = 1 << 18               /* elasticity: computes PIOLA from F (since 1.1) */
+  CLEAVE_HAS_PIOLA = 1 << 18,              /* elasticity: computes PIOLA from F (since 1.1) */
+  CLEAVE_NEEDS_ELASTICITY = 1 << 19,       /* discretization: evaluates the elastic law of its material (since 1.1) */
+  CLEAVE_NEEDS_TETRAHEDRA = 1 << 20        /* discretization: bodies must have tetrahedra (since 1.1) */
 };
 
 /* Keys of which one whole set has to be given: each entry of `sets` is a space-separated list of keys, for example

@@ -1,7 +1,11 @@
 /* Kind "cleave.discretization/1": a whole way of stepping bodies, in place of the host's material point method.
  *
  * The host builds the bodies of the scene (points, and tetrahedra where the body has them), and then drives steps, frames,
- * colliders, handles and checkpoints as it does for its own particles. All numbers are double. */
+ * colliders, handles and checkpoints as it does for its own particles. All numbers are double.
+ *
+ * Capabilities (since 1.1): CLEAVE_NEEDS_ELASTICITY, the material's elastic law is evaluated through cleave_body::elasticity,
+ * and a material without one is refused; without it a material has no elastic law. CLEAVE_NEEDS_TETRAHEDRA, bodies without
+ * tetrahedra are refused. */
 #ifndef CLEAVE_DISCRETIZATION_H
 #define CLEAVE_DISCRETIZATION_H
 
@@ -12,6 +16,26 @@ extern "C" {
 #endif
 
 #define CLEAVE_KIND_DISCRETIZATION "cleave.discretization/1"
+
+/* The elastic law of a body's material, for a discretization that computes strains (CLEAVE_NEEDS_ELASTICITY). `first` is the
+ * number of the body's first point in the call: what the law has per point (fibres) is looked up there. Arrays have 9 numbers
+ * per point, row-major. Results are the same bits whichever way points are split into calls.
+ * [ownership] host; valid until the instance is destroyed (since 1.1). */
+typedef struct cleave_elastic_response {
+  uint32_t struct_size;
+  uint32_t reserved;
+  void* user;
+  /* psi [J/m^3] and P(F) [Pa], either of which may be null; energy is NaN where the law offers none. Fails where the law is
+   * not defined, with a message that names the point. [any-thread] */
+  cleave_result (*evaluate)(void* user, uint64_t first, uint64_t count, const double* F, double* energy, double* P,
+                            cleave_message*);
+  /* dP [Pa], the change of P(F) with dF. [any-thread] */
+  cleave_result (*differential)(void* user, uint64_t first, uint64_t count, const double* F, const double* dF, double* dP,
+                                cleave_message*);
+  /* M [Pa], a bound of the stiffness that waves see: they travel at most sqrt(M/density) m/s in rest coordinates.
+   * [any-thread] */
+  cleave_result (*wave_modulus)(void* user, uint64_t first, uint64_t count, const double* F, double* modulus, cleave_message*);
+} cleave_elastic_response;
 
 /* One body as the scene describes it. [ownership] host; valid during add_body(). */
 typedef struct cleave_body {
@@ -28,6 +52,10 @@ typedef struct cleave_body {
   const double* vertices; /* m, 3 per vertex */
   uint64_t tetrahedron_count;
   const uint32_t* tetrahedra; /* 4 vertices each; the points are then the barycentres, in this order */
+  /* since 1.1 */
+  const double* vertex_velocity;             /* m/s, 3 per vertex */
+  const cleave_threads* threads;             /* that add_body() may use; null: none */
+  const cleave_elastic_response* elasticity; /* of the body's material; null if that has no elastic law */
 } cleave_body;
 
 /* What a handle may hold of a body. */
@@ -62,6 +90,9 @@ typedef struct cleave_point_field {
   const double* values;
 } cleave_point_field;
 
+/* What a body looks like from outside, and inside where it consists of tetrahedra. Vertices are shared by what hangs together:
+ * where a body has come apart they are there twice. Triangles are oriented with their normals outwards.
+ * [ownership] plugin; valid until the next step(), restore() or destroy(). */
 typedef struct cleave_surface {
   uint32_t struct_size;
   uint32_t reserved;
@@ -69,6 +100,12 @@ typedef struct cleave_surface {
   const double* vertices; /* m, 3 per vertex */
   uint64_t triangle_count;
   const uint32_t* triangles;
+  /* since 1.1; null or 0 if not given */
+  const double* velocity;     /* m/s, 3 per vertex */
+  const double* damage;       /* d in [0,1], 1 per vertex */
+  const uint32_t* piece;      /* 1 per vertex: pieces of the body, numbered from 0; none are connected */
+  uint64_t tetrahedron_count; /* those the body has, in its order */
+  const uint32_t* tetrahedra; /* 4 of these vertices each */
 } cleave_surface;
 
 typedef struct cleave_discretization {

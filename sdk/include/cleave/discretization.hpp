@@ -8,6 +8,8 @@
 ///   std::vector<std::byte> save() const;                             the complete state
 ///   void restore(std::span<const std::byte> state);
 ///   std::optional<SurfaceMesh> surface(std::uint64_t body) const;    may be left out
+///   static constexpr bool needs_elasticity = true;                   may be left out; elasticity_of(body) is then there
+///   static constexpr bool needs_tetrahedra = true;                   may be left out; body.tetrahedra is then there
 ///
 /// Arrays behind spans belong to the class and stay valid until the next step. Shapes are described in
 /// <cleave/discretization.h>. An exception ends the run with its text.
@@ -60,6 +62,61 @@ class World {
   const cleave_surroundings& surroundings_;
 };
 
+/// Threads that add_body may use.
+inline Threads threads_of(const cleave_body& body) {
+  return Threads(CLEAVE_HAS(cleave_body, &body, threads) ? body.threads : nullptr);
+}
+
+/// m/s, 3 per vertex; empty if the host gives none.
+inline std::span<const double> vertex_velocity_of(const cleave_body& body) {
+  if (!CLEAVE_HAS(cleave_body, &body, vertex_velocity) || !body.vertex_velocity) return {};
+  return {body.vertex_velocity, 3 * body.vertex_count};
+}
+
+/// The elastic law of a body's material. Matrices are row-major, 9 numbers per point, `first` the number of the body's first
+/// point among them. Members may be called by several threads, and throw what the law says where it is not defined.
+class ElasticResponse {
+ public:
+  explicit ElasticResponse(const cleave_elastic_response& response) : response_(&response) {}
+
+  /// psi [J/m^3] and P(F) [Pa]; either may be empty. psi is NaN if the law offers none.
+  void evaluate(std::uint64_t first, std::span<const double> F, std::span<double> energy, std::span<double> P) const {
+    checked([&](cleave_message* message) {
+      return response_->evaluate(response_->user, first, F.size() / 9, F.data(), energy.empty() ? nullptr : energy.data(),
+                                 P.empty() ? nullptr : P.data(), message);
+    });
+  }
+  /// dP [Pa], the change of P(F) with dF.
+  void differential(std::uint64_t first, std::span<const double> F, std::span<const double> dF, std::span<double> dP) const {
+    checked([&](cleave_message* message) {
+      return response_->differential(response_->user, first, F.size() / 9, F.data(), dF.data(), dP.data(), message);
+    });
+  }
+  /// M [Pa]: waves travel at most sqrt(M/density) in rest coordinates.
+  void wave_modulus(std::uint64_t first, std::span<const double> F, std::span<double> modulus) const {
+    checked([&](cleave_message* message) {
+      return response_->wave_modulus(response_->user, first, F.size() / 9, F.data(), modulus.data(), message);
+    });
+  }
+
+ private:
+  /// Calls with a buffer for the reason, and throws that.
+  template <class Call>
+  static void checked(const Call& call) {
+    char text[512] = "", subject[64] = "";
+    cleave_message message{sizeof message, sizeof text, text, sizeof subject, 0, subject};
+    if (call(&message) != CLEAVE_OK) throw std::runtime_error(text[0] ? text : "the elastic law gives no reason");
+  }
+
+  const cleave_elastic_response* response_;
+};
+
+/// Empty if the material has no elastic law; always there with `needs_elasticity`.
+inline std::optional<ElasticResponse> elasticity_of(const cleave_body& body) {
+  if (!CLEAVE_HAS(cleave_body, &body, elasticity) || !body.elasticity) return {};
+  return ElasticResponse(*body.elasticity);
+}
+
 /// Values per point; name and unit are literals or otherwise outlive the field.
 struct PointField {
   const char* name;
@@ -68,9 +125,14 @@ struct PointField {
   std::span<const double> values;
 };
 
+/// As cleave_surface; what is not given is empty.
 struct SurfaceMesh {
-  std::span<const double> vertices;          ///< m, 3 per vertex
-  std::span<const std::uint32_t> triangles;  ///< 3 per triangle
+  std::span<const double> vertices;           ///< m, 3 per vertex
+  std::span<const std::uint32_t> triangles;   ///< 3 per triangle, normals outwards
+  std::span<const double> velocity;           ///< m/s, 3 per vertex
+  std::span<const double> damage;             ///< 1 per vertex
+  std::span<const std::uint32_t> piece;       ///< 1 per vertex
+  std::span<const std::uint32_t> tetrahedra;  ///< 4 per tetrahedron, in the order of the body
 };
 
 namespace detail {
@@ -81,7 +143,16 @@ struct KindOf<Kind::discretization, Method> {
     Method law;
   };
   static void prepare(Instance&, const cleave_context*) {}
-  static constexpr std::uint64_t capabilities = CLEAVE_DOUBLE;
+  static constexpr bool needs_elasticity() {
+    if constexpr (requires { Method::needs_elasticity; }) return Method::needs_elasticity;
+    return false;
+  }
+  static constexpr bool needs_tetrahedra() {
+    if constexpr (requires { Method::needs_tetrahedra; }) return Method::needs_tetrahedra;
+    return false;
+  }
+  static constexpr std::uint64_t capabilities =
+      CLEAVE_DOUBLE | (needs_elasticity() ? CLEAVE_NEEDS_ELASTICITY : 0) | (needs_tetrahedra() ? CLEAVE_NEEDS_TETRAHEDRA : 0);
 
   static Method& method(cleave_instance* instance) { return reinterpret_cast<Instance*>(instance)->law; }
   static const Method& method(const cleave_instance* instance) { return reinterpret_cast<const Instance*>(instance)->law; }
@@ -133,6 +204,13 @@ struct KindOf<Kind::discretization, Method> {
         surface->vertices = mesh->vertices.data();
         surface->triangle_count = mesh->triangles.size() / 3;
         surface->triangles = mesh->triangles.data();
+        if (!CLEAVE_HAS(cleave_surface, surface, tetrahedra)) return CLEAVE_OK;
+        const auto given = [](auto values) { return values.empty() ? nullptr : values.data(); };
+        surface->velocity = given(mesh->velocity);
+        surface->damage = given(mesh->damage);
+        surface->piece = given(mesh->piece);
+        surface->tetrahedron_count = mesh->tetrahedra.size() / 4;
+        surface->tetrahedra = given(mesh->tetrahedra);
         return CLEAVE_OK;
       } else {
         return CLEAVE_ERROR_UNSUPPORTED;
