@@ -48,9 +48,10 @@ SampledBody sample_body(const config::Scene& scene, const config::Body& body) {
 }
 
 Vector3 SampledBody::velocity_of(std::size_t particle) const {
-  if (!particles.velocities.empty()) return particles.velocities[particle];
-  return velocity + angular_velocity.cross(particles.positions[particle] - center);
+  return particles.velocities.empty() ? velocity_at(particles.positions[particle]) : particles.velocities[particle];
 }
+
+Vector3 SampledBody::velocity_at(const Vector3& x) const { return velocity + angular_velocity.cross(x - center); }
 
 std::vector<SampledBody> sample_bodies(const config::Scene& scene) {
   std::vector<SampledBody> bodies;
@@ -60,6 +61,8 @@ std::vector<SampledBody> sample_bodies(const config::Scene& scene) {
     std::vector<Vector3> velocities(s.particles.positions.size());
     for (std::size_t i = 0; i < velocities.size(); i++) velocities[i] = s.velocity_of(i);
     s.particles.velocities = std::move(velocities);
+    if (s.mesh)
+      for (const Vector3& x : s.mesh->vertices) s.vertex_velocities.push_back(s.velocity_at(x));
   }
   return bodies;
 }

@@ -2,7 +2,9 @@
 
 #include "config/scene.hpp"
 #include "scene/sampling.hpp"
+#include "scene/tetrahedral_mesh.hpp"
 
+#include <optional>
 #include <string>
 #include <vector>
 
@@ -18,8 +20,12 @@ struct SampledBody {
   Matrix3 velocity_gradient = Matrix3::Zero();  ///< of the initial motion, 1/s
   scene::FiberField fibers;                     ///< empty if neither the body nor its material has fibers
   std::vector<double> toughness;                ///< factor on the damage law's toughness, per particle; empty: 1
+  /// Of a body of tetrahedra, whose particles are their barycentres in the same order.
+  std::optional<scene::TetrahedralMesh> mesh;
+  std::vector<Vector3> vertex_velocities;  ///< m/s, of the vertices of the mesh; filled by sample_bodies()
 
   Vector3 velocity_of(std::size_t particle) const;
+  Vector3 velocity_at(const Vector3&) const;  ///< of the initial motion as a rigid body
 };
 
 /// Samples or reads a body. Throws InputError naming it.
