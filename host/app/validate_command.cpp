@@ -60,8 +60,8 @@ std::string rounded(double count) {
 }
 
 std::string laws_of(const Material& material) {
-  if (material.discretization) return material.discretization->id;
-  std::string text = material.elasticity.id;
+  std::string text = material.discretization ? material.discretization->id : material.elasticity.id;
+  if (material.discretization && !material.elasticity.id.empty()) text += ", " + material.elasticity.id;
   for (const auto* use : {&material.plasticity, &material.damage, &material.constraint})
     if (*use) text += ", " + (*use)->id;
   return text;

@@ -80,10 +80,10 @@ using Fibers = scene::FiberSpec;
 
 struct Material {
   std::string name;
-  double density = 0;  ///< kg/m^3
-  PluginUse elasticity;
+  double density = 0;    ///< kg/m^3
+  PluginUse elasticity;  ///< without an id: none, of a discretization that evaluates none
   std::optional<PluginUse> plasticity, damage, constraint;
-  std::optional<PluginUse> discretization;  ///< steps its bodies as a whole; there are no laws then
+  std::optional<PluginUse> discretization;  ///< steps its bodies as a whole; no law then but an elastic one
   std::optional<Fibers> fibers;
   Location where;
 };

@@ -187,6 +187,7 @@ struct ReadMaterial {
   Material material;
   bool has_damage = false;      ///< the file gives a damage law, usable or not
   bool discretized = false;     ///< the file gives a discretization, usable or not
+  bool elastic = true;          ///< there may be an elastic law
   bool fibers_refused = false;  ///< its own or a body's cannot be used
 };
 
@@ -203,7 +204,8 @@ std::optional<Fibers> read_fibers_of(TableReader& table, bool& refused) {
 }
 
 void refuse_fibers(TableReader& table) {
-  for (const char* key : {"fibers", "fibres"}) table.refuse(key, "has no effect: a discretization plugin is not given fibers");
+  for (const char* key : {"fibers", "fibres"})
+    table.refuse(key, "has no effect: fibers are read by laws, and there are none with this discretization");
 }
 
 ReadMaterial read_material(TableReader table, Names& names) {
@@ -220,9 +222,22 @@ ReadMaterial read_material(TableReader table, Names& names) {
   if (table.has("discretization")) {
     read.discretized = true;
     material.discretization = law(plugins::Kind::discretization);
-    for (const char* key : {"elasticity", "plasticity", "damage", "constraint"})
+    for (const char* key : {"plasticity", "damage", "constraint"})
       table.refuse(key, "cannot be given together with 'discretization', a plugin that steps the bodies as a whole");
-    refuse_fibers(table);
+    if (const auto* plugin = material.discretization ? table.context().catalog.find(material.discretization->id) : nullptr) {
+      read.elastic = (plugin->capabilities_with(material.discretization->parameters) & CLEAVE_NEEDS_ELASTICITY) != 0;
+      if (read.elastic)
+        table.require("elasticity", "the law that '" + plugin->id + "' evaluates, as { plugin = \"split-neo-hookean\", ... }");
+      else
+        table.refuse("elasticity", "cannot be given together with 'discretization': '" + plugin->id +
+                                       "' evaluates no elastic law; how stiff bodies are is among its parameters");
+    }
+    if (read.elastic) {
+      if (auto elasticity = law(plugins::Kind::elasticity)) material.elasticity = std::move(*elasticity);
+      material.fibers = read_fibers_of(table, read.fibers_refused);
+    } else {
+      refuse_fibers(table);
+    }
     table.finish();
     return read;
   }
@@ -307,8 +322,11 @@ Body read_body(TableReader table, Names& names, const Names& materials, std::vec
   const auto discretized = std::any_of(read_materials.begin(), read_materials.end(), [&](const ReadMaterial& read) {
     return read.discretized && !body.material.empty() && read.material.name == body.material;
   });
+  const auto lawless = std::any_of(read_materials.begin(), read_materials.end(), [&](const ReadMaterial& read) {
+    return !read.elastic && !body.material.empty() && read.material.name == body.material;
+  });
   bool fibers_refused = false;
-  if (discretized)
+  if (lawless)
     refuse_fibers(table);
   else
     body.fibers = read_fibers_of(table, fibers_refused);
@@ -329,7 +347,7 @@ Body read_body(TableReader table, Names& names, const Names& materials, std::vec
 
 /// Whether the laws of a material work together, with the fibers that it or else all of its bodies have.
 void check_material(const ReadMaterial& read, const std::vector<Body>& bodies, Precision precision, ReadContext& context) {
-  if (read.fibers_refused || read.discretized) return;
+  if (read.fibers_refused || !read.elastic) return;
   Material material = read.material;
   const Body* without = nullptr;
   const Body* with = nullptr;
@@ -339,7 +357,10 @@ void check_material(const ReadMaterial& read, const std::vector<Body>& bodies, P
     material.fibers = with->fibers;
     material.where = with->where;
   }
-  check_combination(material, precision, context);
+  if (!read.discretized) return check_combination(material, precision, context);
+  Remedies remedies;
+  remedies.single_precision = "discretizations evaluate laws in it; give one that does";
+  check_combination(material, Precision::double_precision, context, remedies);
 }
 
 Collider read_collider(TableReader table, Names& names, const std::string& fallback) {

@@ -224,11 +224,8 @@ void write_material(std::ostream& out, const Material& material, const PluginCat
   out << "\n[[material]]\n"
       << "name = " << quoted(material.name) << "\n"
       << "density = " << number(material.density) << "  # kg/m^3\n";
-  if (material.discretization) {
-    out << "discretization = " << law_text(*material.discretization, catalog) << "\n";
-    return;
-  }
-  out << "elasticity = " << law_text(material.elasticity, catalog) << "\n";
+  if (material.discretization) out << "discretization = " << law_text(*material.discretization, catalog) << "\n";
+  if (!material.elasticity.id.empty()) out << "elasticity = " << law_text(material.elasticity, catalog) << "\n";
   if (material.plasticity) out << "plasticity = " << law_text(*material.plasticity, catalog) << "\n";
   if (material.damage) out << "damage = " << law_text(*material.damage, catalog) << "\n";
   if (material.constraint) out << "constraint = " << law_text(*material.constraint, catalog) << "\n";

@@ -2,7 +2,9 @@
 
 #include "common/error.hpp"
 #include "config/instantiate.hpp"
+#include "plugins/elastic_probe.hpp"
 #include "plugins/message.hpp"
+#include "plugins/threads.hpp"
 
 #include <fmt/format.h>
 
@@ -18,6 +20,21 @@ std::vector<double> flattened(const std::vector<Vector3>& vectors) {
   numbers.reserve(3 * vectors.size());
   for (const auto& v : vectors) numbers.insert(numbers.end(), v.data(), v.data() + 3);
   return numbers;
+}
+
+plugins::Instance elastic_law(const config::Material& material, plugins::Registry& registry, const plugins::Context& context) {
+  if (material.elasticity.id.empty()) return {};
+  return config::instantiate(registry, material.elasticity, context);
+}
+
+/// Laws that build on the elastic one of their material are told of it.
+plugins::Instance method_of(const config::Material& material, plugins::Registry& registry, plugins::Context context,
+                            const plugins::Instance& elasticity) {
+  if (!elasticity) return config::instantiate(registry, *material.discretization, context);
+  const plugins::ElasticProbe probe(elasticity);
+  context.isochoric = elasticity.isochoric_response();
+  context.elastic = probe.get();
+  return config::instantiate(registry, *material.discretization, context);
 }
 
 Vector3 vector_of(const double* values, std::size_t point) { return Eigen::Map<const Vector3>(values + 3 * point); }
@@ -42,9 +59,10 @@ Discretization::Discretization(const config::Scene& scene, const config::Materia
       density_(material.density),
       dimension_(scene.simulation.dimension),
       gravity_(scene.simulation.gravity),
+      elasticity_(elastic_law(material, registry, {dimension_, 0, density_})),
       surroundings_(scene, bodies),
-      instance_(config::instantiate(registry, *material.discretization, {dimension_, 0, density_})) {
-  for (const auto& sampled : bodies) {
+      instance_(method_of(material, registry, {dimension_, 0, density_}, elasticity_)) {
+  for (auto& sampled : bodies) {
     const auto& source = sampled.particles;
     const auto refuse = [&](const std::string& what) {
       throw InputError(error_at(material.discretization->where) + "body '" + sampled.name + "': " + what);
@@ -52,7 +70,10 @@ Discretization::Discretization(const config::Scene& scene, const config::Materia
     const std::string id = instance_.description().id;
     if (!source.deformation.empty())
       refuse("its particle file gives deformation gradients, which " + id + " cannot start from; leave out F00 to F22");
-    Body body{sampled.name, source.volumes};
+    if (instance_.can(CLEAVE_NEEDS_TETRAHEDRA) && !sampled.mesh)
+      refuse(id + " needs a body of tetrahedra; give it as 'tetrahedra', a mesh file or what is to be filled with them");
+    Body body{sampled.name, source.volumes, nullptr};
+    if (elasticity_) body.elasticity = std::make_unique<ElasticResponse>(elasticity_, sampled.name, std::move(sampled.fibers));
     double volume = 0;
     for (const double v : body.volumes) volume += v;
     const auto positions = flattened(source.positions), velocities = flattened(source.velocities);
@@ -66,6 +87,18 @@ Discretization::Discretization(const config::Scene& scene, const config::Materia
     given.position = positions.data();
     given.velocity = velocities.data();
     given.volume = body.volumes.data();
+    std::vector<double> vertices, vertex_velocities;
+    if (sampled.mesh) {
+      vertices = flattened(sampled.mesh->vertices);
+      vertex_velocities = flattened(sampled.vertex_velocities);
+      given.vertex_count = sampled.mesh->vertices.size();
+      given.vertices = vertices.data();
+      given.vertex_velocity = vertex_velocities.data();
+      given.tetrahedron_count = sampled.mesh->tetrahedra.size();
+      given.tetrahedra = sampled.mesh->tetrahedra.data()->data();
+    }
+    given.threads = plugins::threads();
+    given.elasticity = body.elasticity ? body.elasticity->table() : nullptr;
     plugins::Message message;
     if (const auto result = instance_.discretization().add_body(instance_.handle(), &given, message.get()); result != CLEAVE_OK)
       refuse(id + " cannot take it: " + message.reason(result));

@@ -1,11 +1,13 @@
 #pragma once
 
+#include "discretization/elastic_response.hpp"
 #include "discretization/surroundings.hpp"
 #include "mpm/simulation.hpp"
 #include "output/frame.hpp"
 #include "plugins/registry.hpp"
 
 #include <map>
+#include <memory>
 #include <string>
 #include <vector>
 
@@ -47,7 +49,8 @@ class Discretization {
   };
   struct Body {
     std::string name;
-    std::vector<double> volumes;  ///< at rest, m^3 (2D: m^2)
+    std::vector<double> volumes;                  ///< at rest, m^3 (2D: m^2)
+    std::unique_ptr<ElasticResponse> elasticity;  ///< null without an elastic law
   };
   /// Fields of a body by name. Throws SimulationError if position or velocity is not among them or one has no such shape.
   std::map<std::string, Field> fields(std::size_t body) const;
@@ -57,6 +60,7 @@ class Discretization {
   double density_;
   int dimension_;
   Vector3 gravity_;
+  plugins::Instance elasticity_;  // without a handle if the material has none
   std::vector<Body> bodies_;
   std::size_t points_ = 0;
   double rest_volume_ = 0;

@@ -17,19 +17,10 @@ Surroundings::Surroundings(const config::Scene& scene, const std::vector<mpm::Sa
     const Pose start = handles_[h].motion.at(0);
     for (std::size_t b = 0; b < bodies.size(); b++) {
       if (!handles_[h].body.empty() && handles_[h].body != bodies[b].name) continue;
-      const auto& positions = bodies[b].particles.positions;
-      HeldBody& body = bodies_[b];
-      for (std::size_t i = 0; i < positions.size(); i++) {
-        if (region->distance(positions[i]) > 0) continue;
-        if (body.handle.empty()) {
-          body.handle.assign(positions.size(), none);
-          body.place.resize(positions.size());
-        }
-        if (body.handle[i] != none) continue;
-        body.handle[i] = std::uint16_t(h);
-        body.place[i] = start.to_scene(positions[i]);
-        held_[h]++;
-      }
+      const auto points = hold(bodies_[b].points, std::uint16_t(h), *region, start, bodies[b].particles.positions);
+      const auto vertices =
+          bodies[b].mesh ? hold(bodies_[b].vertices, std::uint16_t(h), *region, start, bodies[b].mesh->vertices) : 0;
+      held_[h] += points > 0 ? points : vertices;
     }
   }
   table_.struct_size = sizeof table_;
@@ -37,6 +28,23 @@ Surroundings::Surroundings(const config::Scene& scene, const std::vector<mpm::Sa
   table_.user = this;
   table_.collide = &collide;
   table_.handle = &handle;
+}
+
+std::size_t Surroundings::hold(Held& held, std::uint16_t handle, const scene::SignedDistance& region, const Pose& start,
+                               const std::vector<Vector3>& places) {
+  std::size_t count = 0;
+  for (std::size_t i = 0; i < places.size(); i++) {
+    if (region.distance(places[i]) > 0) continue;
+    if (held.handle.empty()) {
+      held.handle.assign(places.size(), none);
+      held.place.resize(places.size());
+    }
+    if (held.handle[i] != none) continue;
+    held.handle[i] = handle;
+    held.place[i] = start.to_scene(places[i]);
+    count++;
+  }
+  return count;
 }
 
 const cleave_surroundings* Surroundings::during(double time, double time_step) {
@@ -78,10 +86,12 @@ void Surroundings::collide(void* self, std::uint64_t count, const double* positi
 std::int32_t Surroundings::handle(void* self, std::uint64_t body, std::uint32_t entity, std::uint64_t index, double* position,
                                   double* velocity) {
   const auto& s = *static_cast<const Surroundings*>(self);
-  if (entity != CLEAVE_POINT || body >= s.bodies_.size() || index >= s.bodies_[body].handle.size()) return 0;
-  const std::uint16_t h = s.bodies_[body].handle[index];
+  if (entity > CLEAVE_VERTEX || body >= s.bodies_.size()) return 0;
+  const Held& held = entity == CLEAVE_POINT ? s.bodies_[body].points : s.bodies_[body].vertices;
+  if (index >= held.handle.size()) return 0;
+  const std::uint16_t h = held.handle[index];
   if (h == none || !s.poses_[h].active) return 0;
-  const Vector3& place = s.bodies_[body].place[index];
+  const Vector3& place = held.place[index];
   const Vector3 end = s.poses_[h].after.to_world(place), v = (end - s.poses_[h].before.to_world(place)) / s.time_step_;
   for (int a = 0; a < 3; a++) {
     position[a] = end[a];

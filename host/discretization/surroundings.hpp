@@ -19,7 +19,7 @@ class Surroundings {
   Surroundings(const Surroundings&) = delete;
   Surroundings& operator=(const Surroundings&) = delete;
 
-  /// How many of the points each handle of the scene holds.
+  /// How many of the points each handle of the scene holds; of a body whose vertices it holds and no point, the vertices.
   const std::vector<std::size_t>& held() const { return held_; }
   /// For the step from `time` to `time + time_step`; valid until the next call, for any number of threads.
   const cleave_surroundings* during(double time, double time_step);
@@ -37,11 +37,17 @@ class Surroundings {
     bool active;
     Pose before, after;
   };
-  /// Which handle holds each point of a body, and the place of the points in its region; empty if none holds any.
-  struct HeldBody {
+  /// Which handle holds each of a body's points, or vertices, and their place in its region; empty if none holds any.
+  struct Held {
     std::vector<std::uint16_t> handle;
     std::vector<Vector3> place;
   };
+  struct HeldBody {
+    Held points, vertices;
+  };
+  /// Returns how many of the places, that nothing holds yet, the region does.
+  static std::size_t hold(Held&, std::uint16_t handle, const scene::SignedDistance& region, const Pose& start,
+                          const std::vector<Vector3>& places);
 
   static void collide(void* self, std::uint64_t count, const double* position, double* velocity);
   static std::int32_t handle(void* self, std::uint64_t body, std::uint32_t entity, std::uint64_t index, double* position,
