@@ -74,19 +74,21 @@ Point Body::centre() const {
 cleave_body Body::abi() const {
   const auto data = [](const auto& values) { return values.empty() ? nullptr : values.data(); };
   const double spacing = points() ? std::cbrt(std::pow(cells * edge, 3) / double(points())) : edge;
-  return {sizeof(cleave_body),
-          3,
-          name.c_str(),
-          density,
-          spacing,
-          points(),
-          data(position),
-          data(velocity),
-          data(volume),
-          vertices.size() / 3,
-          data(vertices),
-          tetrahedra.size() / 4,
-          data(tetrahedra)};
+  cleave_body body{};
+  body.struct_size = sizeof body;
+  body.dimension = 3;
+  body.name = name.c_str();
+  body.density = density;
+  body.spacing = spacing;
+  body.point_count = points();
+  body.position = data(position);
+  body.velocity = data(velocity);
+  body.volume = data(volume);
+  body.vertex_count = vertices.size() / 3;
+  body.vertices = data(vertices);
+  body.tetrahedron_count = tetrahedra.size() / 4;
+  body.tetrahedra = data(tetrahedra);
+  return body;
 }
 
 std::string Body::described() const {
