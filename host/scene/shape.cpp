@@ -179,6 +179,29 @@ void check_transform(const ShapeSpec& spec) {
 
 }  // namespace
 
+TriangleMesh read_placed_mesh(const ShapeSpec& spec) {
+  TriangleMesh mesh = read_mesh(spec.file);
+  Box box;
+  for (const auto& triangle : mesh.triangles) {
+    for (const int corner : triangle) box.extend(mesh.vertices[static_cast<std::size_t>(corner)]);
+  }
+  const Placement placement = place_file(spec, box);
+  for (Vector3& vertex : mesh.vertices) {
+    vertex = (placement.scale * vertex + placement.translation).cwiseProduct(spec.scale);
+  }
+  return mesh;
+}
+
+void place_points(const ShapeSpec& spec, std::vector<Vector3>& points) {
+  check_transform(spec);
+  Box box;
+  for (const Vector3& x : points) box.extend(x);
+  const Placement placement = place_file(spec, box);
+  for (Vector3& x : points) {
+    x = spec.rotation * (placement.scale * x + placement.translation).cwiseProduct(spec.scale) + spec.translation;
+  }
+}
+
 std::unique_ptr<SignedDistance> build_shape(const ShapeSpec& spec, double voxel_size) {
   using Type = ShapeSpec::Type;
   check_transform(spec);
@@ -202,15 +225,7 @@ std::unique_ptr<SignedDistance> build_shape(const ShapeSpec& spec, double voxel_
     }
     case Type::mesh: {
       // Scaling the vertices rather than the finished level set keeps the voxels cubes and distances exact.
-      TriangleMesh mesh = read_mesh(spec.file);
-      Box box;
-      for (const auto& triangle : mesh.triangles) {
-        for (const int corner : triangle) box.extend(mesh.vertices[static_cast<std::size_t>(corner)]);
-      }
-      const Placement placement = place_file(spec, box);
-      for (Vector3& vertex : mesh.vertices) {
-        vertex = (placement.scale * vertex + placement.translation).cwiseProduct(spec.scale);
-      }
+      const TriangleMesh mesh = read_placed_mesh(spec);
       shape = level_set_of_mesh(mesh, voxel_size, spec.file.string());
       scale = Vector3::Ones();
       break;

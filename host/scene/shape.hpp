@@ -1,6 +1,7 @@
 #pragma once
 
 #include "common/types.hpp"
+#include "scene/mesh_io.hpp"
 
 #include <filesystem>
 #include <memory>
@@ -64,5 +65,11 @@ class SignedDistance {
 /// Builds a shape. `voxel_size` (m) is the resolution of level sets made from meshes.
 /// Throws InputError naming the file: missing, unreadable, empty, or not closed (with the count of open edges).
 std::unique_ptr<SignedDistance> build_shape(const ShapeSpec&, double voxel_size);
+
+/// The triangles of a mesh shape, placed and scaled but neither turned nor moved by its transform.
+TriangleMesh read_placed_mesh(const ShapeSpec&);
+
+/// Puts points of a file to where a shape that is a file says: by its size and centre, then its transform.
+void place_points(const ShapeSpec&, std::vector<Vector3>&);
 
 }  // namespace cleave::scene

@@ -8,6 +8,7 @@
 #include <algorithm>
 #include <cmath>
 #include <limits>
+#include <numeric>
 
 namespace cleave::scene {
 namespace {
@@ -60,6 +61,24 @@ void for_each_place(const std::vector<Face>& faces, const Visit& visit) {
     first = last;
   }
 }
+
+/// Sets of numbers that are joined pair by pair.
+class DisjointSets {
+ public:
+  explicit DisjointSets(std::size_t size) : parent_(size) { std::iota(parent_.begin(), parent_.end(), std::size_t(0)); }
+  /// The least number of the set.
+  std::size_t find(std::size_t i) {
+    while (parent_[i] != i) i = parent_[i] = parent_[parent_[i]];
+    return i;
+  }
+  void join(std::size_t i, std::size_t j) {
+    i = find(i), j = find(j);
+    parent_[std::max(i, j)] = std::min(i, j);
+  }
+
+ private:
+  std::vector<std::size_t> parent_;
+};
 
 /// How many tetrahedra have something, and the first of them.
 struct Found {
@@ -152,6 +171,11 @@ MeshMeasures measure(const TetrahedralMesh& mesh) {
         edges.push_back({a, b});
       }
   }
+  DisjointSets parts(mesh.tetrahedra.size());
+  for_each_place(sorted_faces(mesh), [&](auto first, auto last) {
+    if (last - first == 2) parts.join(first->tetrahedron, (first + 1)->tetrahedron);
+  });
+  for (std::size_t t = 0; t < mesh.tetrahedra.size(); t++) m.pieces += parts.find(t) == t;
   m.least_dihedral_angle = std::acos(std::clamp(least, -1.0, 1.0));
   m.greatest_dihedral_angle = std::acos(std::clamp(greatest, -1.0, 1.0));
   std::sort(edges.begin(), edges.end());
@@ -210,6 +234,34 @@ std::vector<std::string> make_valid(TetrahedralMesh& mesh, const std::string& na
     notes.push_back(fmt::format("{}: {} to no tetrahedron and {} left out", name,
                                 counted(dropped, "vertex belongs", "vertices belong"), dropped == 1 ? "is" : "are"));
   return notes;
+}
+
+std::size_t separate_touching_parts(TetrahedralMesh& mesh) {
+  DisjointSets corners(4 * mesh.tetrahedra.size());  // joined where they are the same vertex of one part
+  for_each_place(sorted_faces(mesh), [&](auto first, auto last) {
+    if (last - first != 2) return;
+    const auto &a = mesh.tetrahedra[first->tetrahedron], &b = mesh.tetrahedra[(first + 1)->tetrahedron];
+    for (std::size_t i = 0; i < 4; i++)
+      for (std::size_t j = 0; j < 4; j++)
+        if (a[i] == b[j]) corners.join(4 * std::size_t(first->tetrahedron) + i, 4 * std::size_t((first + 1)->tetrahedron) + j);
+  });
+  const std::size_t before = mesh.vertices.size();
+  std::vector<bool> taken(before, false);
+  const auto old = mesh.tetrahedra;
+  for (std::size_t t = 0; t < old.size(); t++)
+    for (std::size_t i = 0; i < 4; i++) {
+      const std::size_t root = corners.find(4 * t + i);
+      auto& vertex = mesh.tetrahedra[t][i];
+      if (root != 4 * t + i) {
+        vertex = mesh.tetrahedra[root / 4][root % 4];
+      } else if (taken[old[t][i]]) {
+        vertex = std::uint32_t(mesh.vertices.size());
+        mesh.vertices.push_back(Vector3(mesh.vertices[old[t][i]]));
+      } else {
+        taken[old[t][i]] = true;
+      }
+    }
+  return mesh.vertices.size() - before;
 }
 
 }  // namespace cleave::scene

@@ -32,6 +32,7 @@ std::vector<Triangle> surface_of(const TetrahedralMesh&);
 struct MeshMeasures {
   double volume = 0;                                             ///< m^3
   double shortest_edge = 0, mean_edge = 0, longest_edge = 0;     ///< m
+  std::size_t pieces = 0;                                        ///< that no face joins
   double least_dihedral_angle = 0, greatest_dihedral_angle = 0;  ///< between two faces of a tetrahedron, radians
 };
 MeshMeasures measure(const TetrahedralMesh&);
@@ -42,5 +43,8 @@ MeshMeasures measure(const TetrahedralMesh&);
 /// as the source counts), if there are none, some have no volume, a face belongs to more than two, or two that share a face
 /// lie on the same side of it.
 std::vector<std::string> make_valid(TetrahedralMesh&, const std::string& name, std::int64_t first_number = 0);
+
+/// Gives parts that meet in a vertex or an edge, but not through faces, a copy of the vertices each. Returns how many copies.
+std::size_t separate_touching_parts(TetrahedralMesh&);
 
 }  // namespace cleave::scene
