@@ -4,6 +4,13 @@
 ///
 /// which changes system.velocity so that the constraint holds. The arrays are described in <cleave/constraint.h>. The object
 /// lives as long as the material and may keep what helps the next step (a warm start); an exception ends the run with its text.
+///
+/// What is kept takes part in checkpoints, so that a run that is resumed has the bits of one that never ended:
+///
+///   std::vector<std::byte> save() const;
+///   void restore(std::span<const std::byte>);   // throws, with words, where save() has not written that
+///
+/// Where project() is const nothing is kept, and neither is needed.
 #ifndef CLEAVE_CONSTRAINT_HPP
 #define CLEAVE_CONSTRAINT_HPP
 
@@ -11,7 +18,14 @@
 #include <cleave/plugin.hpp>
 #include <cleave/threads.hpp>
 
+#include <algorithm>
+#include <cstddef>
+#include <cstring>
+#include <span>
+#include <stdexcept>
 #include <string>
+#include <utility>
+#include <vector>
 
 namespace cleave {
 
@@ -61,9 +75,37 @@ struct KindOf<Kind::constraint, Solver> {
       return CLEAVE_OK;
     });
   }
+  static constexpr bool keeps_nothing = requires(const Solver& solver, const cleave_constraint_system& system) {
+    solver.project(system);
+  };
+  static constexpr bool saves = keeps_nothing || requires(const Solver& solver) { solver.save(); };
+
+  static std::uint64_t save(const cleave_instance* instance, void* buffer, std::uint64_t size) noexcept {
+    std::uint64_t written = 0;
+    if constexpr (saves && !keeps_nothing)
+      guarded(nullptr, [&]() -> cleave_result {
+        const std::vector<std::byte> state = reinterpret_cast<const Instance*>(instance)->law.save();
+        written = buffer ? std::min<std::uint64_t>(size, state.size()) : state.size();
+        if (buffer && written > 0) std::memcpy(buffer, state.data(), written);
+        return CLEAVE_OK;
+      });
+    return written;
+  }
+  static cleave_result restore(cleave_instance* instance, const void* buffer, std::uint64_t size,
+                               cleave_message* message) noexcept {
+    return guarded(message, [&]() -> cleave_result {
+      if constexpr (saves && !keeps_nothing)
+        reinterpret_cast<Instance*>(instance)->law.restore(std::span(static_cast<const std::byte*>(buffer), size));
+      else if (size > 0)
+        throw std::invalid_argument("the constraint keeps nothing from step to step");
+      return CLEAVE_OK;
+    });
+  }
+
   static const char* id() { return CLEAVE_KIND_CONSTRAINT; }
   static const void* table() {
-    static constexpr cleave_constraint table{sizeof(cleave_constraint), 0, &project};
+    static constexpr cleave_constraint table{sizeof(cleave_constraint), 0, &project, saves ? &save : nullptr,
+                                             saves ? &restore : nullptr};
     return &table;
   }
   static const void* extension(const char*) { return nullptr; }
