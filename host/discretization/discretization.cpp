@@ -120,6 +120,21 @@ void Discretization::fail(const std::string& what) const {
 
 std::uint64_t Discretization::saved_bytes() const { return instance_.discretization().save(instance_.handle(), nullptr, 0); }
 
+void Discretization::save(checkpoint::StateWriter& writer, const std::string& section) const {
+  std::vector<std::byte> bytes(saved_bytes());
+  const std::uint64_t written = instance_.discretization().save(instance_.handle(), bytes.data(), bytes.size());
+  if (written != bytes.size()) fail(fmt::format("saves {} bytes where it said {}", written, bytes.size()));
+  writer.section(section, bytes);
+}
+
+void Discretization::restore(checkpoint::StateReader& reader, const std::string& section) {
+  const auto bytes = reader.read(section);
+  plugins::Message message;
+  const auto result = instance_.discretization().restore(instance_.handle(), bytes.data(), bytes.size(), message.get());
+  if (result != CLEAVE_OK)
+    reader.refuse(section, "is refused by plugin " + instance_.description().id + ": " + message.reason(result));
+}
+
 double Discretization::stable_step() const {
   const double step = instance_.discretization().stable_step(instance_.handle());
   if (!(step > 0)) fail(fmt::format("gives {:g} s as the largest stable step", step));

@@ -26,6 +26,9 @@ class Discretization {
   double rest_volume() const { return rest_volume_; }
   /// Of the state the plugin would save.
   std::uint64_t saved_bytes() const;
+  /// One section. Throws InputError where the plugin refuses what is restored.
+  void save(checkpoint::StateWriter&, const std::string& section) const;
+  void restore(checkpoint::StateReader&, const std::string& section);
   const std::vector<std::size_t>& held() const { return surroundings_.held(); }
 
   /// s, positive. Throws SimulationError if the plugin gives none.

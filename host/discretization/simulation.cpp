@@ -170,7 +170,21 @@ class MixedSimulation final : public mpm::Simulation {
     return all;
   }
 
+  std::vector<std::string> not_saved() const override { return mpm_ ? mpm_->not_saved() : std::vector<std::string>(); }
+
  private:
+  void save_state(checkpoint::StateWriter& writer, const std::string& prefix) const override {
+    if (mpm_) mpm_->save(writer, prefix + "points ");
+    for (std::size_t i = 0; i < parts_.size(); i++) parts_[i]->save(writer, discretization_section(prefix, i));
+  }
+  void restore_state(checkpoint::StateReader& reader, const std::string& prefix) override {
+    if (mpm_) mpm_->restore(reader, prefix + "points ");
+    for (std::size_t i = 0; i < parts_.size(); i++) parts_[i]->restore(reader, discretization_section(prefix, i));
+  }
+  static std::string discretization_section(const std::string& prefix, std::size_t part) {
+    return prefix + "discretization " + std::to_string(part);
+  }
+
   void advance(double dt) override {
     if (mpm_) mpm_->take_step(dt, time_ + dt);
     const auto start = std::chrono::steady_clock::now();

@@ -257,6 +257,62 @@ void Constraints<T, D>::call(Law& called, double time_step) {
   statistics_.largest_residual = std::max(statistics_.largest_residual, report.residual);
 }
 
+namespace {
+/// Null if the law cannot save.
+const cleave_constraint* table_that_saves(const plugins::Instance& law) {
+  const auto* table = static_cast<const cleave_constraint*>(law.plugin().kind_table());
+  return CLEAVE_HAS(cleave_constraint, table, restore) && table->save && table->restore ? table : nullptr;
+}
+std::string memory_of(const std::string& prefix, std::size_t law) { return fmt::format("{}{} memory", prefix, law); }
+}  // namespace
+
+template <class T, int D>
+void Constraints<T, D>::save(checkpoint::StateWriter& writer, const std::string& prefix) const {
+  checkpoint::pack(writer, prefix + "statistics", [&](auto& archive) {
+    archive(statistics_);
+    for (const Law& law : laws_) archive(law.spoke);
+  });
+  for (std::size_t i = 0; i < laws_.size(); i++) {
+    const plugins::Instance& law = *laws_[i].instance;
+    const auto* table = table_that_saves(law);
+    if (!table) continue;
+    std::vector<std::byte> bytes(table->save(law.handle(), nullptr, 0));
+    if (const std::uint64_t written = table->save(law.handle(), bytes.data(), bytes.size()); written != bytes.size())
+      throw SimulationError(fmt::format("plugin {} {} saves {} bytes where it said {}", law.description().id,
+                                        law.description().version, written, bytes.size()));
+    writer.section(memory_of(prefix, i), bytes);
+  }
+}
+
+template <class T, int D>
+void Constraints<T, D>::restore(checkpoint::StateReader& reader, const std::string& prefix) {
+  for (std::size_t i = 0; i < laws_.size(); i++) {
+    const std::string section = memory_of(prefix, i);
+    const plugins::Instance& law = *laws_[i].instance;
+    const auto* table = table_that_saves(law);
+    if (!table || !reader.has(section)) continue;
+    const auto bytes = reader.read(section);
+    plugins::Message message;
+    if (const cleave_result result = table->restore(law.handle(), bytes.data(), bytes.size(), message.get());
+        result != CLEAVE_OK)
+      reader.refuse(section, "is refused by plugin " + law.description().id + ": " + message.reason(result));
+  }
+  checkpoint::unpack(reader, prefix + "statistics", [&](auto& archive) {
+    archive(statistics_);
+    for (Law& law : laws_) archive(law.spoke);
+  });
+}
+
+template <class T, int D>
+std::vector<std::string> Constraints<T, D>::not_saved() const {
+  std::vector<std::string> lines;
+  for (const Law& law : laws_)
+    if (!table_that_saves(*law.instance))
+      lines.push_back(fmt::format("plugin {} {} does not save what it keeps from step to step", law.instance->description().id,
+                                  law.instance->description().version));
+  return lines;
+}
+
 /// Nodes that are held altogether keep their velocity, whatever a law does.
 template <class T, int D>
 double Constraints<T, D>::write_back(Grid<T, D>& grid) const {

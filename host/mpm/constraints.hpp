@@ -1,5 +1,6 @@
 #pragma once
 
+#include "checkpoint/state.hpp"
 #include "mpm/colliders.hpp"
 #include "mpm/grid.hpp"
 #include "mpm/particles.hpp"
@@ -33,6 +34,12 @@ class Constraints {
   };
   /// Since the last call.
   Statistics take_statistics() { return std::exchange(statistics_, {}); }
+
+  /// What laws keep from step to step, where they can save it. Throws InputError if a law refuses what is restored.
+  void save(checkpoint::StateWriter&, const std::string& prefix) const;
+  void restore(checkpoint::StateReader&, const std::string& prefix);
+  /// A line for each law that cannot.
+  std::vector<std::string> not_saved() const;
 
   /// What the arrays handed to a law take.
   static std::size_t bytes_per_particle(const TileLayout&);

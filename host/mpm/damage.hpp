@@ -54,6 +54,12 @@ class DamageEvolution {
   /// Since the last call.
   Statistics take_statistics();
 
+  /// What is kept from step to step beside the particles, to be saved and restored.
+  template <class Self, class Archive>
+  static void list(Self& self, Archive& archive) {
+    archive(self.largest_driving_force_, self.statistics_);
+  }
+
  private:
   using Flags = std::vector<std::uint8_t>;
   using Blocks = std::vector<typename Particles<T, D>::Block>;

@@ -12,6 +12,7 @@
 #include <cmath>
 #include <cstring>
 #include <numeric>
+#include <span>
 
 namespace cleave::mpm {
 
@@ -361,6 +362,58 @@ void Particles<T, D>::permute() {
   });
   for_stretches(tiles_ * lanes,
                 [&](std::size_t begin, std::size_t end) { std::copy(moved + begin, moved + end, ids() + begin); });
+}
+
+namespace {
+struct SavedBlock {
+  BlockCoordinate coordinate;
+  std::uint32_t count, damaged;
+};
+}  // namespace
+
+template <class T, int D>
+void Particles<T, D>::save(checkpoint::StateWriter& writer, const std::string& prefix) const {
+  std::vector<SavedBlock> saved;
+  for (const Block& b : blocks_) saved.push_back({b.coordinate, b.count, b.damaged});
+  writer.section(prefix + "blocks", saved.data(), saved.size());
+  writer.section(prefix + "tiles", storage_.data(), tiles_ * layout_.stride);
+  writer.section(prefix + "ids", ids(), tiles_ * lanes);
+}
+
+template <class T, int D>
+void Particles<T, D>::restore(checkpoint::StateReader& reader, const std::string& prefix, std::uint64_t ids_end) {
+  const std::string blocks = prefix + "blocks", ids_section = prefix + "ids";
+  const auto bytes = reader.read(blocks);
+  std::vector<SavedBlock> saved(bytes.size() / sizeof(SavedBlock));
+  if (bytes.size() != saved.size() * sizeof(SavedBlock)) reader.refuse(blocks, "holds no whole number of blocks");
+  if (!saved.empty()) std::memcpy(saved.data(), bytes.data(), bytes.size());
+  blocks_.clear();
+  std::uint64_t count = 0;
+  std::size_t tiles = 0;
+  for (const SavedBlock& s : saved) {
+    Block b{};
+    b.coordinate = s.coordinate;
+    b.first_tile = tiles;
+    b.count = s.count;
+    b.damaged = s.damaged != 0;
+    for (const std::int32_t c : b.coordinate)
+      if (c > farthest_block || c < -farthest_block) reader.refuse(blocks, "has a block that cannot be numbered");
+    if (!blocks_.empty() && morton_key(blocks_.back().coordinate) >= morton_key(b.coordinate))
+      reader.refuse(blocks, "has blocks that are not in Morton order");
+    count += b.count;
+    tiles += (b.count + lanes - 1) / lanes;
+    blocks_.push_back(b);
+  }
+  if (count != size_)
+    reader.refuse(blocks, "counts " + std::to_string(count) + " particles, the scene has " + std::to_string(size_));
+  if (reader.bytes(prefix + "tiles") != tiles * layout_.stride)
+    reader.refuse(prefix + "tiles", "has another layout of particles than the materials of the scene");
+  place(tiles);
+  reader.read(prefix + "tiles", std::as_writable_bytes(std::span(storage_.data(), tiles * layout_.stride)));
+  reader.read(ids_section, std::as_writable_bytes(std::span(ids(), tiles * lanes)));
+  if (std::any_of(ids(), ids() + tiles * lanes, [&](std::uint32_t id) { return id >= ids_end; }))
+    reader.refuse(ids_section, "has ids of particles that are not there");
+  colour();
 }
 
 template <class T, int D>

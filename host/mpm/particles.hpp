@@ -1,5 +1,6 @@
 #pragma once
 
+#include "checkpoint/state.hpp"
 #include "common/types.hpp"
 #include "mpm/block_coordinate.hpp"
 #include "mpm/buffer.hpp"
@@ -75,6 +76,11 @@ class Particles {
   /// Moves every particle to the block it is in. Blocks come in Morton order; the result does not depend on threads.
   /// Throws SimulationError if a particle is farther from the origin than blocks can be numbered; nothing has moved then.
   void sort();
+
+  /// Everything as it is stored, but for which grid blocks are next to each block. `prefix` of the names of sections.
+  void save(checkpoint::StateWriter&, const std::string& prefix) const;
+  /// Ids have to be below `ids`, the number of particles that of before. Throws InputError, and then is not to be used.
+  void restore(checkpoint::StateReader&, const std::string& prefix, std::uint64_t ids);
 
   const TileLayout& layout() const { return layout_; }
   std::vector<Block>& blocks() { return blocks_; }

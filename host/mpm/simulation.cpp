@@ -25,6 +25,7 @@
 #include <chrono>
 #include <cstring>
 #include <map>
+#include <span>
 
 namespace cleave::mpm {
 namespace {
@@ -114,6 +115,9 @@ class MpmSimulation final : public Simulation {
     return {integrators_.begin(), integrators_.end()};
   }
   std::vector<std::pair<std::string, double>> bytes_per_particle() const override;
+  std::vector<std::string> not_saved() const override {
+    return constraints_ ? constraints_->not_saved() : std::vector<std::string>();
+  }
   std::vector<output::PluginRecord> plugins() const override {
     std::map<std::string, output::PluginRecord> used;
     for (const auto& m : materials_)
@@ -135,6 +139,16 @@ class MpmSimulation final : public Simulation {
     double& seconds;
     Clock::time_point start = Clock::now();
   };
+
+  void save_state(checkpoint::StateWriter&, const std::string& prefix) const override;
+  void restore_state(checkpoint::StateReader&, const std::string& prefix) override;
+  /// What saving and restoring share, beside the particles.
+  template <class Self, class Archive>
+  static void list(Self& self, Archive& archive) {
+    archive(self.maximum_speed_, self.wave_step_, self.waves_at_, self.needs_sort_, self.choice_, self.symplectic_step_,
+            self.implicit_solves_, self.newton_iterations_, self.linear_iterations_, self.integrators_, self.warned_unreliable_,
+            self.warned_damage_);
+  }
 
   /// Damage of F_n first, then forces with it, then momentum and strain.
   void advance(double dt) override {
@@ -219,6 +233,8 @@ class MpmSimulation final : public Simulation {
   void find_held(const std::vector<SampledBody>&);
   void store(std::size_t material, std::vector<SampledBody>&);
   void sort();
+  /// The grid of the blocks that particles are in, and what is known of it.
+  void rebuild_grid();
   void measure_waves();
   void particles_to_grid(StepView&, bool stress);
   void update_grid(const StepView&);
@@ -453,6 +469,11 @@ void MpmSimulation<T, D>::sort() {
     throw SimulationError(fmt::format("step {} at t = {:.6g} s: {}", steps_, time_, e.what()));
   }
   needs_sort_ = false;
+  rebuild_grid();
+}
+
+template <class T, int D>
+void MpmSimulation<T, D>::rebuild_grid() {
   std::vector<BlockCoordinate> homes;
   for (const auto& s : sets_)
     for (const auto& b : s->blocks()) homes.push_back(b.coordinate);
@@ -463,6 +484,33 @@ void MpmSimulation<T, D>::sort() {
   }
   colliders_.prepare(grid_);
   if (handles_.any()) handles_.prepare(sets());
+}
+
+// ------------------------------------------------------------------------------------------------- checkpoints
+
+template <class T, int D>
+void MpmSimulation<T, D>::save_state(checkpoint::StateWriter& writer, const std::string& prefix) const {
+  checkpoint::pack(writer, prefix + "steps", [this](auto& archive) { list(*this, archive); });
+  writer.section(prefix + "stage seconds", stage_seconds_, stage_count);
+  for (std::size_t k = 0; k < sets_.size(); k++) {
+    const std::string set = fmt::format("{}material {} ", prefix, set_material_[k]);
+    sets_[k]->save(writer, set);
+    if (damage_[k]) checkpoint::pack(writer, set + "damage", [&](auto& archive) { damage_[k]->list(*damage_[k], archive); });
+  }
+  if (constraints_) constraints_->save(writer, prefix + "constraint ");
+}
+
+template <class T, int D>
+void MpmSimulation<T, D>::restore_state(checkpoint::StateReader& reader, const std::string& prefix) {
+  for (std::size_t k = 0; k < sets_.size(); k++) {
+    const std::string set = fmt::format("{}material {} ", prefix, set_material_[k]);
+    sets_[k]->restore(reader, set, std::uint64_t(particle_count_));
+    if (damage_[k]) checkpoint::unpack(reader, set + "damage", [&](auto& archive) { damage_[k]->list(*damage_[k], archive); });
+  }
+  rebuild_grid();
+  if (constraints_) constraints_->restore(reader, prefix + "constraint ");
+  checkpoint::unpack(reader, prefix + "steps", [this](auto& archive) { list(*this, archive); });
+  reader.read(prefix + "stage seconds", std::as_writable_bytes(std::span(stage_seconds_)));
 }
 
 // ------------------------------------------------------------------------------------------------- step size
@@ -1099,6 +1147,16 @@ void Simulation::take_step(double time_step, double end) {
   advance(time_step);
   time_ = end;
   steps_++;
+}
+
+void Simulation::save(checkpoint::StateWriter& writer, const std::string& prefix) const {
+  checkpoint::pack(writer, prefix + "time", [this](auto& archive) { list(*this, archive); });
+  save_state(writer, prefix);
+}
+
+void Simulation::restore(checkpoint::StateReader& reader, const std::string& prefix) {
+  restore_state(reader, prefix);
+  checkpoint::unpack(reader, prefix + "time", [this](auto& archive) { list(*this, archive); });
 }
 
 void Simulation::record_steps(output::FrameRecord& record) {

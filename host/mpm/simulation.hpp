@@ -1,5 +1,6 @@
 #pragma once
 
+#include "checkpoint/state.hpp"
 #include "config/scene.hpp"
 #include "mpm/time_step.hpp"
 #include "output/frame.hpp"
@@ -48,6 +49,15 @@ class Simulation {
   virtual Bound largest_step() = 0;
   void take_step(double time_step, double end);
 
+  /// Everything that later steps, frames and records hang on, between two steps. Nothing is changed by saving: a simulation
+  /// that is restored goes on with the bits of the one that was saved, and so does that one. Sections are named "<prefix>...".
+  void save(checkpoint::StateWriter&, const std::string& prefix = "") const;
+  /// Into a simulation of the same scene, at its start or anywhere else. Throws InputError if the state is of another one; this
+  /// one is then not to be used any more.
+  void restore(checkpoint::StateReader&, const std::string& prefix = "");
+  /// What a restored simulation goes on without, as a text for the user each: the bits are then not the same.
+  virtual std::vector<std::string> not_saved() const = 0;
+
   double time() const { return time_; }
   std::int64_t steps() const { return steps_; }
   virtual std::int64_t particles() const = 0;
@@ -76,6 +86,8 @@ class Simulation {
 
  protected:
   virtual void advance(double time_step) = 0;
+  virtual void save_state(checkpoint::StateWriter&, const std::string& prefix) const = 0;
+  virtual void restore_state(checkpoint::StateReader&, const std::string& prefix) = 0;
   /// Time, last step and what bounded it, and the number of steps since the last call.
   void record_steps(output::FrameRecord&);
 
@@ -83,7 +95,13 @@ class Simulation {
   std::int64_t steps_ = 0;
 
  private:
-  const char* limited_by_ = "";
+  /// What saving and restoring share.
+  template <class Self, class Archive>
+  static void list(Self& self, Archive& archive) {
+    archive(self.time_, self.time_step_, self.steps_, self.limited_by_, self.steps_at_record_, self.limits_);
+  }
+
+  std::string limited_by_;
   std::int64_t steps_at_record_ = 0;
   std::map<std::string, std::int64_t> limits_;
 };
