@@ -34,14 +34,19 @@ int main(int argc, char** argv) {
 
   app::RunOptions run;
   auto* run_cli = cli.add_subcommand("run", "Simulate a scene");
-  run_cli->add_option("scene", run.scene, "Scene file (TOML)")->required();
+  auto* run_scene = run_cli->add_option("scene", run.scene, "Scene file (TOML); with --resume also a directory with results");
   run_cli->add_option("--out", run.out, "Directory for the results (default: out/<scene name>)");
   run_cli->add_option("--threads", run.threads, "Number of threads (default: all)")->check(CLI::Range(1, 1024));
   run_cli->add_option("--frames", run.frames, "Stop after this many frames")->check(CLI::Range(0, 2000000000));
   run_cli->add_option("--steps", run.steps, "Stop after this many steps")->check(CLI::Range(0, 2000000000));
   run_cli->add_option("--set", run.sets, "Change a value of the scene: path=value (repeatable)")->allow_extra_args(false);
   run_cli->add_flag("--quiet", run.quiet, "Print nothing but errors");
+  run_cli->add_flag("--resume", run.resume, "Go on from the newest checkpoint, from the beginning if there is none");
+  run_cli->add_flag("--resume-anyway", run.resume_anyway,
+                    "The same, also where the program, a plugin or the instruction set is another one");
   run_cli->callback([&] {
+    run.resume = run.resume || run.resume_anyway;
+    if (run_scene->empty() && !(run.resume && !run.out.empty())) throw CLI::RequiredError("scene");
     auto r = registry();
     status = app::run_command(run, r);
   });

@@ -1,5 +1,7 @@
 #include "app/run_command.hpp"
 
+#include "checkpoint/run_directory.hpp"
+#include "checkpoint/scene_changes.hpp"
 #include "common/error.hpp"
 #include "config/scene.hpp"
 #include "discretization/simulation.hpp"
@@ -7,6 +9,7 @@
 #include "output/background.hpp"
 #include "output/frame.hpp"
 #include "output/progress.hpp"
+#include "plugins/isa.hpp"
 
 #include <fmt/format.h>
 #include <fmt/ranges.h>
@@ -48,6 +51,7 @@ struct InterruptGuard {
     action.sa_handler = on_interrupt;
     sigaction(SIGINT, &action, &old_int);
     sigaction(SIGTERM, &action, &old_term);
+    signal(SIGXFSZ, SIG_IGN);  // a file that may not grow is an error like a full disk
   }
   ~InterruptGuard() {
     sigaction(SIGINT, &old_int, nullptr);
@@ -87,6 +91,76 @@ std::string particle_csv(const output::ParticleFrame& f) {
   return text;
 }
 
+/// What is known of a run before it begins, for checkpoints of it and for comparing with those there are.
+checkpoint::Run describe_run(const std::string& scene, int threads) {
+  checkpoint::Run run;
+  run.program = CLEAVE_VERSION;
+  run.threads = threads;
+  run.scene = scene;
+  run.files = checkpoint::files_of(scene);
+  return run;
+}
+
+void add_program(checkpoint::Run& run, const mpm::Simulation& simulation) {
+  const auto program = std::filesystem::read_symlink("/proc/self/exe");
+  run.program_crc = checkpoint::checksum_of_file(program);
+  run.isa = simulation.isa();
+  if (run.isa == "none") {  // plugins alone
+    const auto names = plugins::preferred_isa_directories();
+    run.isa = names.empty() ? "baseline" : names.front();
+  } else {
+    const auto kernels = program.parent_path().parent_path() / "lib/cleave/kernels" / (run.isa + ".so");
+    run.program_crc = checkpoint::checksum_of_file(kernels, run.program_crc);
+  }
+  for (const auto& p : simulation.plugins())
+    run.plugins.push_back({p.id, p.version, p.path, checkpoint::checksum_of_file(p.path)});
+}
+
+std::string lines(const std::vector<std::string>& items) { return fmt::format("  {}", fmt::join(items, "\n  ")); }
+
+/// The checkpoint that a run goes on from; none: from the beginning. Throws InputError if what there is is of another scene.
+std::optional<checkpoint::Opened> find_start(const checkpoint::RunCheckpoints& checkpoints, const std::filesystem::path& out,
+                                             const checkpoint::Run& now) {
+  std::vector<std::string> problems;
+  auto start = checkpoints.newest(problems);
+  if (!start && !problems.empty())
+    throw InputError(
+        fmt::format("error: no checkpoint can be resumed from:\n{}\nwithout --resume the run begins anew", lines(problems)));
+  for (const auto& problem : problems) fmt::print(stderr, "warning: {}\n", problem);
+  checkpoint::Run before;
+  if (start) {
+    before = start->run;
+    if (!problems.empty()) fmt::print(stderr, "going back to {}\n", start->file.string());
+  } else {
+    std::ifstream file(out / "scene.toml");
+    before.scene.assign(std::istreambuf_iterator<char>(file), {});
+    if (!before.scene.empty()) before.files = checkpoint::files_of(before.scene);
+  }
+  if (before.scene.empty()) return start;
+  if (const auto changed = checkpoint::changed_physics(before, now); !changed.empty())
+    throw InputError(
+        fmt::format("error: {} is of another simulation:\n{}\nonly simulation.end_time and [output] may change; "
+                    "without --resume the run begins anew",
+                    start ? start->file.string() : (out / "scene.toml").string(), lines(changed)));
+  return start;
+}
+
+/// Throws InputError unless what computes is what it was, or may be anything.
+void compare_programs(const checkpoint::Opened& start, const checkpoint::Run& now, bool anyway) {
+  const auto changes = checkpoint::changes(start.run, now);
+  if (!changes.program.empty()) {
+    if (!anyway)
+      throw InputError(
+          fmt::format("error: {} was written by another program:\n{}\n--resume-anyway goes on from it, with "
+                      "other bits than those of a run that never ended",
+                      start.file.string(), lines(changes.program)));
+    fmt::print(stderr, "warning: resumed with another program; the bits are not those of a run that never ended:\n{}\n",
+               lines(changes.program));
+  }
+  if (!changes.notes.empty())
+    fmt::print(stderr, "warning: bits may differ from those of a run that never ended:\n{}\n", lines(changes.notes));
+}
+
 }  // namespace
 
 int run_command(const RunOptions& options, plugins::Registry& registry) {
@@ -95,7 +169,9 @@ int run_command(const RunOptions& options, plugins::Registry& registry) {
   std::vector<config::Override> overrides;
   for (const auto& s : options.sets) overrides.push_back(config::parse_override(s));
   std::vector<std::string> warnings;
-  const config::Scene scene = config::load_scene(options.scene, overrides, registry, &warnings);
+  const bool of_directory = options.resume && (options.scene.empty() || std::filesystem::is_directory(options.scene));
+  const std::filesystem::path given = !of_directory ? options.scene : options.scene.empty() ? options.out : options.scene;
+  const config::Scene scene = config::load_scene(of_directory ? given / "scene.toml" : given, overrides, registry, &warnings);
   for (const auto& w : warnings) fmt::print(stderr, "{}\n", w);
 
   const int threads = options.threads > 0 ? options.threads : tbb::info::default_concurrency();
@@ -103,9 +179,35 @@ int run_command(const RunOptions& options, plugins::Registry& registry) {
 
   const auto begin = Clock::now();
   const auto seconds_since = [](Clock::time_point t) { return std::chrono::duration<double>(Clock::now() - t).count(); };
+  const std::filesystem::path out = !options.out.empty() ? options.out
+                                    : of_directory       ? given
+                                                         : std::filesystem::path("out") / given.stem();
+  const checkpoint::RunCheckpoints checkpoints(out);
+  const config::CheckpointTimes& checkpoint_times = scene.output.checkpoint;
+  checkpoint::Run run;
+  if (options.resume || checkpoint_times.any()) run = describe_run(config::to_toml(scene, registry), threads);
+  auto start = options.resume ? find_start(checkpoints, out, run) : std::nullopt;
   auto simulation = discretization::simulate(scene, registry);
-  const std::filesystem::path out = options.out.empty() ? std::filesystem::path("out") / options.scene.stem() : options.out;
-  output::Writer writer(out, scene.output.formats, scene.output.surface);
+  if (start || checkpoint_times.any()) add_program(run, *simulation);
+  if (start) {
+    compare_programs(*start, run, options.resume_anyway);
+    simulation->restore(start->state());
+    for (const auto& what : simulation->not_saved())
+      fmt::print(stderr, "warning: {}: the run goes on within its tolerance, not to the bit\n", what);
+  } else {
+    checkpoints.clear();
+  }
+  const bool resumed = bool(start);
+  const checkpoint::Run before = resumed ? start->run : checkpoint::Run();
+  const std::filesystem::path resumed_from = resumed ? start->file : std::filesystem::path();
+  start.reset();
+  if (before.time > scene.simulation.end_time * (1 + 1e-9))
+    throw InputError(fmt::format("error: {} is of t = {:.6g} s, simulation.end_time is {:.6g} s", resumed_from.string(),
+                                 before.time, scene.simulation.end_time));
+  const output::EarlierPart earlier{before.frames, before.table};
+  std::optional<std::vector<std::string>> meshes;
+  if (simulation->has_surfaces()) meshes = scene.output.meshes.value_or(std::vector<std::string>{"ply"});
+  output::Writer writer(out, scene.output.formats, scene.output.surface, resumed ? &earlier : nullptr, meshes);
   writer.text("scene.toml", config::to_toml(scene, registry));
 
   const bool single = scene.simulation.precision == config::Precision::single_precision;
@@ -117,17 +219,20 @@ int run_command(const RunOptions& options, plugins::Registry& registry) {
                simulation->particles(), scene.simulation.dimension, scene.simulation.cell_size, single ? "single" : "double",
                threads, threads == 1 ? "" : "s", isa == "none" ? "no" : isa, seconds_since(begin));
     fmt::print("plugins: {}\n{}\n", used, memory_report(*simulation));
+    if (resumed)
+      fmt::print("resumed at step {}, t = {:.6g} s, from {}\n", simulation->steps(), simulation->time(), resumed_from.string());
+    else if (options.resume)
+      fmt::print("there is no checkpoint in {} yet: from the beginning\n", out.string());
     std::fflush(stdout);
   }
 
   const auto& sim = scene.simulation;
-  const double interval = 1 / sim.frame_rate;
   auto last_frame = int(std::ceil(sim.end_time * sim.frame_rate - 1e-6));
-  const double end_time = options.frames ? std::min(sim.end_time, *options.frames * interval) : sim.end_time;
+  const double end_time = options.frames ? std::min(sim.end_time, *options.frames / sim.frame_rate) : sim.end_time;
   if (options.frames) last_frame = std::min(last_frame, *options.frames);
 
   output::Summary summary;
-  summary.scene = std::filesystem::absolute(options.scene).string();
+  summary.scene = std::filesystem::absolute(scene.file).string();
   summary.particles = simulation->particles();
   summary.threads = threads;
   summary.precision = single ? "single" : "double";
@@ -138,11 +243,13 @@ int run_command(const RunOptions& options, plugins::Registry& registry) {
 
   output::Progress progress(end_time, simulation->particles(),
                             options.quiet ? output::Progress::Mode::quiet : output::Progress::mode_for(2));
+  if (resumed) progress.start(simulation->time(), simulation->steps());
   const mpm::CrashDump crash_dump(out / "failed_batch.json");
   // Half of the threads at most: the others step. A single one cannot do both at once.
-  output::BackgroundWriter frames(writer, threads / 2, [&] { return seconds_since(begin); });
-  double stepping = 0, output_wait = 0;
-  int frames_taken = 0;
+  const auto wall_seconds = [&] { return before.wall_seconds + seconds_since(begin); };
+  output::BackgroundWriter frames(writer, threads / 2, wall_seconds);
+  double stepping = before.stepping_seconds, output_wait = before.output_seconds, saving = 0;
+  int frames_taken = before.frames;
   const auto wait_for_frames = [&] {
     const auto t = Clock::now();
     frames.wait();
@@ -161,39 +268,126 @@ int run_command(const RunOptions& options, plugins::Registry& registry) {
   const auto write_summary = [&](const char* status) {
     summary.status = status;
     summary.steps = simulation->steps();
-    summary.frames = frames.frames();
+    summary.frames = before.frames + frames.frames();
     summary.simulated_seconds = simulation->time();
-    summary.wall_seconds = seconds_since(begin);
+    summary.wall_seconds = wall_seconds();
     summary.particle_steps_per_second =
         stepping > 0 ? double(simulation->particles()) * double(simulation->steps()) / stepping : 0;
     summary.stage_seconds = simulation->stage_seconds();
     summary.stage_seconds.emplace_back("output", output_wait);
+    if (saving > 0) summary.stage_seconds.emplace_back("checkpoints", saving);
     if (frames.seconds() > 0) summary.stage_seconds.emplace_back("output in the background", frames.seconds());
     summary.limits = simulation->limits();
     summary.integrators = simulation->integrators();
     writer.summary(summary);
   };
 
+  struct Saved {
+    std::int64_t steps = -1;
+    int frames = 0;
+    std::string file;
+  } saved;
+  if (resumed) saved = {before.steps, before.frames, resumed_from.string()};
+  auto saved_at = Clock::now();
+  /// A checkpoint that cannot be written is no reason to end a run.
+  const auto save = [&] {
+    if (!checkpoint_times.any() || (saved.steps == simulation->steps() && saved.frames == frames_taken)) return;
+    const auto t = Clock::now();
+    std::exception_ptr frames_failed;
+    try {
+      const auto file = checkpoints.save(
+          simulation->steps(), [&](checkpoint::StateWriter& state) { simulation->save(state); },
+          [&] {
+            try {
+              wait_for_frames();
+              run.table = writer.table();
+            } catch (...) {
+              frames_failed = std::current_exception();
+              throw;
+            }
+            run.frames = frames_taken;
+            run.steps = simulation->steps();
+            run.time = simulation->time();
+            run.wall_seconds = wall_seconds();
+            run.stepping_seconds = stepping;
+            run.output_seconds = output_wait;
+            return run;
+          });
+      saved = {simulation->steps(), frames_taken, file.string()};
+    } catch (const InputError& e) {
+      if (frames_failed) throw;
+      progress.finish("");
+      fmt::print(stderr, "warning: there is no checkpoint of step {}: {}\n", simulation->steps(), e.what());
+    }
+    saving += seconds_since(t);
+    saved_at = Clock::now();
+  };
+  /// The end of the steps to a frame.
+  const auto target_of = [&](int frame) {
+    return frame == last_frame && !options.frames ? sim.end_time : std::min(frame / sim.frame_rate, sim.end_time);
+  };
+  /// Steps from the last checkpoint to the state from which a step failed have the same bits again.
+  const auto keep_last_good_state = [&] {
+    const std::int64_t failed = simulation->steps();
+    fmt::print(stderr, "stepping to the state before, from {}\n", saved.file.empty() ? "the beginning" : saved.file);
+    try {
+      simulation.reset();
+      simulation = discretization::simulate(scene, registry);
+      const int frames_complete = before.frames + frames.frames();
+      frames_taken = std::min(saved.frames, frames_complete);
+      if (!saved.file.empty()) {
+        std::vector<std::string> problems;
+        auto last = checkpoints.newest(problems);
+        if (!last || last->file != saved.file) throw InputError(fmt::format("{}", fmt::join(problems, "\n")));
+        simulation->restore(last->state());
+      } else {
+        simulation->measure();
+        frames_taken = 1;
+      }
+      while (simulation->steps() < failed && !interrupted) {
+        simulation->step(target_of(frames_taken));
+        if (simulation->time() < target_of(frames_taken)) continue;
+        simulation->measure();
+        frames_taken++;
+      }
+      save();
+      fmt::print(stderr, "{} is in {}\n", interrupted ? "what was reached" : "the state before the step that failed",
+                 saved.file);
+    } catch (const std::runtime_error& e) {
+      fmt::print(stderr, "warning: it could not be reached: {}\n", e.what());
+    }
+  };
+  const auto enough_steps = [&] { return options.steps && simulation->steps() >= *options.steps; };
+
   const char* status = "done";
+  bool early = false;
   try {
-    take_frame(0);
-    for (int f = 1; f <= last_frame && !interrupted; f++) {
-      const double target = f == last_frame && !options.frames ? sim.end_time : std::min(f * interval, sim.end_time);
-      while (simulation->time() < target && !interrupted) {
-        if (options.steps && simulation->steps() >= *options.steps) break;
+    if (frames_taken == 0) take_frame(0);
+    for (int f = frames_taken; f <= last_frame && !interrupted; f++) {
+      const double due = f / sim.frame_rate, target = target_of(f);
+      while (simulation->time() < target && !interrupted && !enough_steps()) {
         const auto t = Clock::now();
         simulation->step(target);
         stepping += seconds_since(t);
         frames.check();
         progress.step(simulation->time(), simulation->steps(), f);
+        if (checkpoint_times.seconds > 0 && seconds_since(saved_at) >= checkpoint_times.seconds && simulation->time() < target)
+          save();
       }
       if (interrupted) break;
+      early = simulation->time() < due * (1 - 1e-6);
+      if (early) save();  // where the run goes on this frame is written again, at its time
       take_frame(f);
-      if (options.steps && simulation->steps() >= *options.steps) break;
+      if (checkpoint_times.frames > 0 && f % checkpoint_times.frames == 0) save();
+      if (checkpoint_times.seconds > 0 && seconds_since(saved_at) >= checkpoint_times.seconds) save();
+      if (enough_steps()) break;
     }
     if (interrupted) {
       status = "interrupted";
+      save();
       take_frame(frames_taken);
+    } else if (!early) {
+      save();
     }
     wait_for_frames();
   } catch (const SimulationError& e) {
@@ -215,6 +409,7 @@ int run_command(const RunOptions& options, plugins::Registry& registry) {
     if (law_failed)
       fmt::print(stderr, "call the law again with its last points: cleave point --replay {}\n",
                  (out / "failed_batch.json").string());
+    if (checkpoint_times.any()) keep_last_good_state();
     return 3;
   }
   write_summary(status);

@@ -131,10 +131,19 @@ struct Handle {
   Location where;
 };
 
+/// When the state of a run is kept, for it to be resumed from.
+struct CheckpointTimes {
+  int frames = 0;        ///< every so many frames; 0: not by frames
+  double seconds = 120;  ///< of wall time between two; 0: not by time
+  bool any() const { return frames > 0 || seconds > 0; }
+  bool operator==(const CheckpointTimes&) const = default;
+};
+
 struct Output {
   std::vector<std::string> formats = {"vdb"};  ///< any of "vdb", "vtp", "ply"
   bool surface = false;                        ///< vdb: also a level set of each body's surface
   std::vector<std::string> attributes;  ///< beyond id and velocity: state names, "F", "J", "damage", ...; empty: all declared
+  CheckpointTimes checkpoint;
 };
 
 struct Scene {

@@ -450,6 +450,14 @@ std::vector<std::string> output_attributes(const Scene& scene, const PluginCatal
   return names;
 }
 
+CheckpointTimes read_checkpoint_times(TableReader table) {
+  CheckpointTimes times;
+  times.frames = int(table.integer("frames", 0, 1000000000).value_or(times.frames));
+  times.seconds = table.number("seconds", "s", Range::not_negative()).value_or(times.seconds);
+  table.finish();
+  return times;
+}
+
 Output read_output(TableReader table, const Scene& scene) {
   Output output;
   if (auto formats = read_words(table, "formats", {"vdb", "vtp", "ply"})) output.formats = std::move(*formats);
@@ -458,6 +466,8 @@ Output read_output(TableReader table, const Scene& scene) {
     table.error_at("surface", "'surface' is written as .vdb; add \"vdb\" to 'formats'");
   if (auto attributes = read_words(table, "attributes", output_attributes(scene, table.context().catalog)))
     output.attributes = std::move(*attributes);
+  if (auto checkpoint = table.table("checkpoint", "[output.checkpoint]"))
+    output.checkpoint = read_checkpoint_times(std::move(*checkpoint));
   table.finish();
   return output;
 }

@@ -90,6 +90,12 @@ struct Summary {
   std::string precision, isa, version;
 };
 
+/// What a run that is resumed has left in its directory.
+struct EarlierPart {
+  int frames = 0;     ///< complete ones, from number 0 on; files of later ones are removed
+  std::string table;  ///< frames.csv with their rows
+};
+
 /// Writes frames in the asked formats into a run directory:
 ///   points/frame_0000.vdb     OpenVDB point data grid per body: id, velocity, and every attribute
 ///   surface/frame_0000.vdb    level set per body (if asked)
@@ -99,12 +105,14 @@ struct Summary {
 /// written, naming it.
 class Writer {
  public:
-  Writer(std::filesystem::path directory, std::vector<std::string> formats, bool surface);
+  /// With an earlier part that is continued, else whatever frames the directory holds are removed.
+  Writer(std::filesystem::path directory, std::vector<std::string> formats, bool surface, const EarlierPart* = nullptr);
   ~Writer();
   void frame(const ParticleFrame&);
   void record(const FrameRecord&);
   void summary(const Summary&);
   void text(const std::string& name, const std::string& contents);  ///< scene.toml and the like
+  std::string table() const;                                        ///< frames.csv as it stands
   std::vector<std::filesystem::path> written() const;               ///< directories and index files, for the closing message
 
  private:

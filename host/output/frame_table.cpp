@@ -1,5 +1,6 @@
 #include "output/frame_table.hpp"
 
+#include "common/error.hpp"
 #include "output/atomic_file.hpp"
 #include "output/number.hpp"
 
@@ -62,11 +63,14 @@ Row columns(const FrameRecord& record) {
 
 }  // namespace
 
-FrameTable::FrameTable(std::filesystem::path path) : path_(std::move(path)) {
+FrameTable::FrameTable(std::filesystem::path path, const std::string& earlier) : path_(std::move(path)) {
+  std::string header;
+  for (const auto& [name, value] : columns({})) header += (header.empty() ? "" : ",") + std::string(name);
+  header += '\n';
+  if (!earlier.empty() && !earlier.starts_with(header))
+    throw InputError("cannot continue " + path_.string() + ": it has other columns than this program writes");
   AtomicFile file(path_);
-  const char* separator = "";
-  for (const auto& [name, value] : columns({})) file.stream() << std::exchange(separator, ",") << name;
-  file.stream() << '\n';
+  file.stream() << (earlier.empty() ? header : earlier);
   file.commit();
   descriptor_ = ::open(path_.c_str(), O_WRONLY | O_APPEND | O_CLOEXEC);
   if (descriptor_ < 0) throw_file_error("write", path_, errno);

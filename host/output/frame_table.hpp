@@ -10,7 +10,8 @@ namespace cleave::output {
 /// back whole, so that the table always parses.
 class FrameTable {
  public:
-  explicit FrameTable(std::filesystem::path);  ///< replaces an older table by an empty one
+  /// Replaces an older table by an empty one, or by `earlier`, whose columns have to be those of this program.
+  explicit FrameTable(std::filesystem::path, const std::string& earlier = "");
   ~FrameTable();
   FrameTable(const FrameTable&) = delete;
   FrameTable& operator=(const FrameTable&) = delete;

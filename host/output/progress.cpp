@@ -67,6 +67,11 @@ void Progress::step(double time, std::int64_t steps, int frame) {
   if (mode_ == Mode::bar && now_.wall >= next_drawing_) draw();
 }
 
+void Progress::start(double time, std::int64_t steps) {
+  if (mode_ == Mode::quiet) return;
+  first_ = now_ = frame_start_ = rate_start_ = {clock_(), time, steps};
+}
+
 void Progress::frame(const FrameRecord& record) {
   if (mode_ == Mode::quiet) return;
   now_.wall = clock_();

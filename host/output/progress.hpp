@@ -25,6 +25,8 @@ class Progress {
   Progress(const Progress&) = delete;
   Progress& operator=(const Progress&) = delete;
 
+  /// Where a run that is resumed goes on from: rates and times are those since then.
+  void start(double time, std::int64_t steps);
   /// After each step, or each few: simulated time, steps since the start and the frame being worked on. Costs a look at the
   /// clock.
   void step(double time, std::int64_t steps, int frame);

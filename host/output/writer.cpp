@@ -9,8 +9,11 @@
 
 #include <algorithm>
 #include <array>
+#include <charconv>
 #include <cstdio>
+#include <fstream>
 #include <map>
+#include <optional>
 #include <stdexcept>
 #include <system_error>
 
@@ -64,8 +67,17 @@ void make_directory(const fs::path& path) {
   if (!fs::is_directory(path)) throw_file_error("create directory", path, ENOTDIR);
 }
 
-/// A viewer that finds frames of two runs side by side would show them as one.
-void remove_previous_run(const fs::path& directory) {
+/// Of a name that is_frame_name() knows; a frame that was never finished has none.
+std::optional<int> frame_index(const std::string& name) {
+  if (name.ends_with(partial_suffix)) return std::nullopt;
+  const char* digits = name.data() + std::string("frame_").size();
+  int index = 0;
+  const auto [end, error] = std::from_chars(digits, name.data() + name.size(), index);
+  return error == std::errc() ? std::optional(index) : std::nullopt;
+}
+
+/// A viewer that finds frames of two runs side by side would show them as one. The first `kept` frames stay.
+void remove_previous_run(const fs::path& directory, int kept) {
   for (const Kind& kind : all_kinds) {
     const fs::path folder = directory / kind.folder;
     std::error_code error;
@@ -73,7 +85,9 @@ void remove_previous_run(const fs::path& directory) {
     std::vector<fs::path> stale;
     fs::directory_iterator entries(folder, error);
     for (; !error && entries != fs::directory_iterator(); entries.increment(error))
-      if (is_frame_name(entries->path().filename().string(), kind.extension)) stale.push_back(entries->path());
+      if (const std::string name = entries->path().filename().string();
+          is_frame_name(name, kind.extension) && frame_index(name).value_or(kept) >= kept)
+        stale.push_back(entries->path());
     if (error) throw_file_error("read directory", folder, error.value());
     for (const fs::path& path : stale) remove_file(path);
   }
@@ -81,6 +95,20 @@ void remove_previous_run(const fs::path& directory) {
     remove_file(directory / name);
     remove_file(directory / (std::string(name) + partial_suffix));
   }
+}
+
+/// The first two columns of a table of frames, which are whole numbers and times.
+std::map<int, double> times_of(const std::string& table) {
+  std::map<int, double> times;
+  for (std::size_t line = table.find('\n'); line != std::string::npos; line = table.find('\n', line + 1)) {
+    int index = 0;
+    double time = 0;
+    const char* const end = table.data() + table.size();
+    const auto [comma, no_index] = std::from_chars(table.data() + line + 1, end, index);
+    if (no_index != std::errc() || comma == end) continue;
+    if (std::from_chars(comma + 1, end, time).ec == std::errc()) times[index] = time;
+  }
+  return times;
 }
 
 void check(const ParticleFrame& frame) {
@@ -122,7 +150,8 @@ struct Writer::State {
   bool summarized = false;
 };
 
-Writer::Writer(fs::path directory, std::vector<std::string> formats, bool surface) : state_(std::make_unique<State>()) {
+Writer::Writer(fs::path directory, std::vector<std::string> formats, bool surface, const EarlierPart* earlier)
+    : state_(std::make_unique<State>()) {
   state_->directory = std::move(directory);
   const std::map<std::string, Kind> by_format{{"vdb", point_kind}, {"vtp", vtp_kind}, {"ply", ply_kind}};
   std::vector<std::string> seen;
@@ -137,9 +166,14 @@ Writer::Writer(fs::path directory, std::vector<std::string> formats, bool surfac
   if (surface) state_->kinds.push_back(surface_kind);
 
   make_directory(state_->directory);
-  remove_previous_run(state_->directory);
+  remove_previous_run(state_->directory, earlier ? earlier->frames : 0);
   for (const Kind& kind : state_->kinds) make_directory(state_->directory / kind.folder);
-  state_->table = std::make_unique<FrameTable>(state_->directory / table_name);
+  state_->table = std::make_unique<FrameTable>(state_->directory / table_name, earlier ? earlier->table : "");
+  if (earlier && state_->series_wanted)
+    for (const auto& [index, time] : times_of(earlier->table))
+      if (const fs::path file = fs::path(vtp_kind.folder) / frame_name(index, vtp_kind.extension);
+          fs::exists(state_->directory / file))
+        state_->series[index] = {time, file.string()};
 }
 
 Writer::~Writer() = default;
@@ -177,6 +211,14 @@ void Writer::text(const std::string& name, const std::string& contents) {
     file.commit();
   });
   if (std::find(state_->texts.begin(), state_->texts.end(), path) == state_->texts.end()) state_->texts.push_back(path);
+}
+
+std::string Writer::table() const {
+  const fs::path path = state_->directory / table_name;
+  std::ifstream file(path, std::ios::binary);
+  std::string text{std::istreambuf_iterator<char>(file), std::istreambuf_iterator<char>()};
+  if (!file) throw_file_error("read", path, errno);
+  return text;
 }
 
 std::vector<fs::path> Writer::written() const {
