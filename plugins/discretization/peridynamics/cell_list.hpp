@@ -28,14 +28,13 @@ class CellList {
   template <class Visit>
   void near(const double* x, const Visit& visit) const {
     const auto [a, b, c] = cell(x);
-    for (std::uint64_t i = a - 1; i <= a + 1; ++i)
-      for (std::uint64_t j = b - 1; j <= b + 1; ++j) {
-        // Three cubes along the last axis follow each other.
-        const Entry low{key(i, j, c - 1), 0};
-        const std::uint64_t high = key(i, j, c + 1);
-        for (auto k = std::lower_bound(keys_.begin(), keys_.end(), low); k != keys_.end() && k->key <= high; ++k)
-          visit(k->point);
-      }
+    rows({a - 1, b - 1, c - 1}, {a + 1, b + 1, c + 1}, visit);
+  }
+
+  /// visit(j) for every point in the cubes that meet the box.
+  template <class Visit>
+  void in_box(const double* low, const double* high, const Visit& visit) const {
+    rows(cell(low), cell(high), visit);
   }
 
   /// The k-th point, cube by cube: searches around points that follow each other look at the same memory.
@@ -47,6 +46,18 @@ class CellList {
     std::uint32_t point;
     auto operator<=>(const Entry&) const = default;
   };
+
+  /// Cubes from one corner to the other; those along the last axis follow each other.
+  template <class Visit>
+  void rows(const std::array<std::uint64_t, 3>& first, const std::array<std::uint64_t, 3>& last, const Visit& visit) const {
+    for (std::uint64_t a = first[0]; a <= last[0]; ++a)
+      for (std::uint64_t b = first[1]; b <= last[1]; ++b) {
+        const Entry low{key(a, b, first[2]), 0};
+        const std::uint64_t high = key(a, b, last[2]);
+        for (auto k = std::lower_bound(keys_.begin(), keys_.end(), low); k != keys_.end() && k->key <= high; ++k)
+          visit(k->point);
+      }
+  }
 
   /// 21 bits per axis; the last cube holds all that is farther away, which costs time alone.
   static constexpr double last = 0x1ffffe;

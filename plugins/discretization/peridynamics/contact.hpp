@@ -2,6 +2,7 @@
 #ifndef CLEAVE_PERIDYNAMICS_CONTACT_HPP
 #define CLEAVE_PERIDYNAMICS_CONTACT_HPP
 
+#include "cell_list.hpp"
 #include "solid.hpp"
 
 namespace cleave::peridynamics {
@@ -17,8 +18,7 @@ class Contact {
     const Solid* solid;
   };
 
-  Contact(double distance, double bulk, int dimension, bool bonds_break)
-      : distance_(distance), bulk_(bulk), dimension_(dimension), bonds_break_(bonds_break) {}
+  Contact(double distance, double bulk, int dimension) : distance_(distance), bulk_(bulk), dimension_(dimension) {}
 
   /// Adds to the forces on points (3 numbers each). `damage` tells which points have broken bonds.
   void push(const Threads&, std::span<const Body> bodies, std::span<const double> position, std::span<const double> damage,
@@ -30,6 +30,7 @@ class Contact {
   void restore_stiffness(double stiffness) { stiffness_ = stiffness; }
 
  private:
+  /// Those of a point, ascending.
   struct Pair {
     std::uint32_t other;
     bool bonded;
@@ -37,15 +38,21 @@ class Contact {
     std::size_t slot;
   };
 
-  void find_pairs(const Threads&, std::span<const Body> bodies, std::span<const double> position);
+  struct Pairs {
+    std::vector<Pair> list;
+    bool with_bonds = false;  ///< also of bonds, which may break: as soon as the point is damaged
+  };
+
+  void find_neighbours(std::span<const Body> bodies, std::span<const double> position);
+  void find_pairs(std::span<const Body> bodies, std::uint32_t i, bool with_bonds);
   bool moved(const Threads&, std::span<const double> position) const;
 
   double distance_, bulk_;
   int dimension_;
-  bool bonds_break_;
-  double slack_ = 0;                   ///< how much closer two points may have come since pairs were found
-  std::vector<double> near_position_;  ///< where pairs were found
-  std::vector<std::vector<Pair>> pairs_;
+  double reach_ = 0, slack_ = 0;       ///< of pairs; how much closer two points may have come since
+  std::vector<double> near_position_;  ///< where pairs are found
+  std::optional<CellList> cells_;      ///< of these places
+  std::vector<Pairs> pairs_;
   double stiffness_ = 0;
 };
 

@@ -37,9 +37,85 @@ std::vector<std::pair<std::uint64_t, std::uint32_t>> along_curve(std::span<const
   return places;
 }
 
+/// What a block adds to the families.
+struct Part {
+  std::vector<std::uint32_t> near, count;
+  std::vector<std::uint16_t> neighbour;
+};
+
+/// Points in the order of the families, and what they are found with.
+struct Search {
+  const std::vector<std::uint32_t>& order;
+  const std::vector<double>& x;
+  const CellList& cells;
+  double spacing, reach;
+  unsigned multiple;
+
+  Part of(std::uint32_t first, std::uint32_t last) const {
+    // All points that any in the block may reach, ascending, and with them its lists.
+    double low[3] = {HUGE_VAL, HUGE_VAL, HUGE_VAL}, high[3] = {-HUGE_VAL, -HUGE_VAL, -HUGE_VAL};
+    for (std::size_t k = 3 * std::size_t(first); k < 3 * std::size_t(last); ++k) {
+      low[k % 3] = std::min(low[k % 3], x[k] - reach);
+      high[k % 3] = std::max(high[k % 3], x[k] + reach);
+    }
+    std::vector<std::uint32_t> candidates;
+    cells.in_box(low, high, [&](std::uint32_t j) {
+      const double* y = &x[3 * std::size_t(j)];
+      if (y[0] > low[0] && y[1] > low[1] && y[2] > low[2] && y[0] < high[0] && y[1] < high[1] && y[2] < high[2])
+        candidates.push_back(j);
+    });
+    std::sort(candidates.begin(), candidates.end());
+    const std::size_t size = candidates.size();
+    std::vector<double> at(3 * size);
+    for (std::size_t c = 0; c < size; ++c) std::copy_n(&x[3 * std::size_t(candidates[c])], 3, &at[3 * c]);
+
+    Part part;
+    std::vector<std::uint32_t> lists, list(size);
+    std::vector<std::uint8_t> used(size);
+    for (std::uint32_t i = first; i < last; ++i) {
+      const double* own = &x[3 * std::size_t(i)];
+      std::size_t count = 0;
+      for (std::size_t c = 0; c < size; ++c) {
+        const double d[3] = {at[3 * c] - own[0], at[3 * c + 1] - own[1], at[3 * c + 2] - own[2]};
+        const double square = d[0] * d[0] + d[1] * d[1] + d[2] * d[2];
+        list[count] = std::uint32_t(c);
+        count += square < reach * reach;
+        if (square < 1e-18 * spacing * spacing) [[unlikely]] {
+          used[c] = 1;
+          count -= candidates[c] == i;
+          if (candidates[c] == i) continue;
+          throw std::runtime_error("points " + std::to_string(order[std::min(i, candidates[c])]) + " and " +
+                                   std::to_string(order[std::max(i, candidates[c])]) +
+                                   " are at the same place; a bond needs a length");
+        }
+      }
+      for (std::size_t k = 0; k < count; ++k) used[list[k]] = 1;
+      lists.insert(lists.end(), list.begin(), list.begin() + std::ptrdiff_t(count));
+      part.count.push_back(std::uint32_t(count));
+    }
+    std::vector<std::uint16_t> place(size);
+    for (std::size_t c = 0; c < size; ++c) {
+      if (!used[c]) continue;
+      place[c] = std::uint16_t(2 * part.near.size());
+      part.near.push_back(candidates[c]);
+    }
+    if (part.near.size() > largest_part)
+      throw std::runtime_error("a family has some " + std::to_string(part.count[0]) +
+                               " points, too many to number; give a smaller horizon");
+    const auto self = std::size_t(std::lower_bound(candidates.begin(), candidates.end(), first) - candidates.begin());
+    auto next = lists.begin();
+    for (std::size_t k = 0; k < part.count.size(); ++k) {
+      for (std::uint32_t n = 0; n < part.count[k]; ++n) part.neighbour.push_back(place[*next++]);
+      while (part.neighbour.size() % multiple) part.neighbour.push_back(place[self + k]);
+    }
+    return part;
+  }
+};
+
 }  // namespace
 
-Families find_families(std::span<const double> position, double spacing, double reach, unsigned multiple) {
+Families find_families(const Threads& threads, std::span<const double> position, double spacing, double reach,
+                       unsigned multiple) {
   Families f;
   const auto places = along_curve(position, spacing);
   const auto points = std::uint32_t(places.size());
@@ -49,48 +125,37 @@ Families find_families(std::span<const double> position, double spacing, double 
     f.order[i] = places[i].second;
     std::copy_n(&position[3 * std::size_t(f.order[i])], 3, &x[3 * std::size_t(i)]);
   }
-  const CellList cells(x, reach);
-  std::vector<std::uint32_t> place_in_block(points);
-  std::vector<std::vector<std::uint32_t>> lists;
-  f.first.push_back(0);
   for (std::uint32_t begin = 0, end; begin < points; begin = end) {
     const auto block_of = [&](std::uint32_t i) { return places[i].first >> (3 * block_bits); };
     for (end = begin + 1; end < points && end - begin < largest_block && block_of(end) == block_of(begin);) ++end;
-    lists.assign(end - begin, {});
-    const std::size_t near_first = f.near.size();
-    for (std::uint32_t i = begin; i < end; ++i) f.near.push_back(i);
-    for (std::uint32_t i = begin; i < end; ++i) {
-      const double* at = &x[3 * std::size_t(i)];
-      cells.near(at, [&](std::uint32_t j) {
-        const double* y = &x[3 * std::size_t(j)];
-        const double d[3] = {y[0] - at[0], y[1] - at[1], y[2] - at[2]}, square = d[0] * d[0] + d[1] * d[1] + d[2] * d[2];
-        if (j == i || !(square < reach * reach)) return;
-        if (square < 1e-18 * spacing * spacing)
-          throw std::runtime_error("points " + std::to_string(f.order[i]) + " and " + std::to_string(f.order[j]) +
-                                   " are at the same place; a bond needs a length");
-        lists[i - begin].push_back(j);
-      });
-      std::sort(lists[i - begin].begin(), lists[i - begin].end());
-      f.near.insert(f.near.end(), lists[i - begin].begin(), lists[i - begin].end());
-    }
-    const auto part = f.near.begin() + std::ptrdiff_t(near_first);
-    std::sort(part, f.near.end());
-    f.near.erase(std::unique(part, f.near.end()), f.near.end());
-    if (f.near.size() - near_first > largest_part)
-      throw std::runtime_error("a family has some " + std::to_string(lists[0].size()) +
-                               " points, too many to number; give a smaller horizon");
-    for (std::size_t k = near_first; k < f.near.size(); ++k) place_in_block[f.near[k]] = std::uint32_t(k - near_first);
-    for (std::uint32_t i = begin; i < end; ++i) {
-      const auto& list = lists[i - begin];
-      for (const std::uint32_t j : list) f.neighbour.push_back(std::uint16_t(2 * place_in_block[j]));
-      while (f.neighbour.size() % multiple) f.neighbour.push_back(std::uint16_t(2 * place_in_block[i]));
-      f.count.push_back(std::uint32_t(list.size()));
-      f.first.push_back(f.neighbour.size());
-    }
-    f.blocks.push_back({begin, end, near_first, f.near.size()});
+    f.blocks.push_back({begin, end, 0, 0});
   }
-  f.near.shrink_to_fit();
-  f.neighbour.shrink_to_fit();
+  const CellList cells(x, reach);
+  const Search search{f.order, x, cells, spacing, reach, multiple};
+  std::vector<Part> parts(f.blocks.size());
+  threads.for_each(f.blocks.size(), [&](std::uint64_t b) { parts[b] = search.of(f.blocks[b].first, f.blocks[b].last); });
+
+  std::uint64_t near = 0, slots = 0;
+  std::vector<std::uint64_t> first_slot(parts.size());
+  f.first.reserve(points + std::size_t(1));
+  f.count.reserve(points);
+  f.first.push_back(0);
+  for (std::size_t b = 0; b < parts.size(); ++b) {
+    f.blocks[b].near_first = near;
+    f.blocks[b].near_last = near += parts[b].near.size();
+    first_slot[b] = slots;
+    for (const std::uint32_t count : parts[b].count) {
+      f.count.push_back(count);
+      f.first.push_back(slots += (count + multiple - 1) / multiple * multiple);
+    }
+  }
+  f.near.resize(near);
+  f.neighbour.resize(slots);
+  threads.for_each(parts.size(), [&](std::uint64_t b) {
+    std::copy(parts[b].near.begin(), parts[b].near.end(), f.near.begin() + std::ptrdiff_t(f.blocks[b].near_first));
+    std::copy(parts[b].neighbour.begin(), parts[b].neighbour.end(), f.neighbour.begin() + std::ptrdiff_t(first_slot[b]));
+    parts[b] = {};
+  });
   return f;
 }
 

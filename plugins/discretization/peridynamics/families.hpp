@@ -2,6 +2,8 @@
 #ifndef CLEAVE_PERIDYNAMICS_FAMILIES_HPP
 #define CLEAVE_PERIDYNAMICS_FAMILIES_HPP
 
+#include <cleave/threads.hpp>
+
 #include <cstdint>
 #include <span>
 #include <vector>
@@ -26,7 +28,7 @@ struct Families {
 
 /// Families of all points closer than `reach`, lists a multiple of `multiple` long. `position` has 3 numbers per point.
 /// Throws if two points are at the same place, or if a family is too large.
-Families find_families(std::span<const double> position, double spacing, double reach, unsigned multiple);
+Families find_families(const Threads&, std::span<const double> position, double spacing, double reach, unsigned multiple);
 
 }  // namespace cleave::peridynamics
 

@@ -1,4 +1,5 @@
 #include "contact.hpp"
+#include "embedded_mesh.hpp"
 #include "solid.hpp"
 
 #include <cmath>
@@ -21,8 +22,8 @@ struct Peridynamics {
 
   IsotropicModuli moduli;
   double horizon, plastic_limit, toughening, contact_distance, air_damping, laplacian_damping;
-  std::optional<double> yield, critical_stretch;
-  NumberList anisotropy;
+  std::optional<double> yield, critical_stretch, energy_release_rate;
+  NumberList anisotropy, initial_crack, second_initial_crack;
   bool surface_correction;
   Split split;
   Return plastic_return;
@@ -39,7 +40,12 @@ struct Peridynamics {
              {.key = "critical_stretch",
               .valid = positive,
               .description = "elastic extension of a bond over delta at which it breaks; left out: none does"}),
-      at_most_one_of("critical_stretch"),
+      number(&Peridynamics::energy_release_rate,
+             {.key = "energy_release_rate",
+              .unit = "J/m^2",
+              .valid = positive,
+              .description = "G of a crack, which gives the critical stretch; instead of that"}),
+      at_most_one_of("critical_stretch", "energy_release_rate"),
       number(&Peridynamics::toughening, {.key = "toughening",
                                          .default_value = 0,
                                          .valid = non_negative,
@@ -61,6 +67,17 @@ struct Peridynamics {
                                        .max_count = 9,
                                        .default_value = NumberList{},
                                        .description = "G, row by row: bonds weigh delta/|G xi|; empty: isotropic"}),
+      list(&Peridynamics::initial_crack,
+           {.key = "initial_crack",
+            .unit = "m",
+            .max_count = 9,
+            .default_value = NumberList{},
+            .description = "corner and two edges of a parallelogram; bonds through it are broken from the start"}),
+      list(&Peridynamics::second_initial_crack, {.key = "second_initial_crack",
+                                                 .unit = "m",
+                                                 .max_count = 9,
+                                                 .default_value = NumberList{},
+                                                 .description = "another one"}),
       boolean(&Peridynamics::surface_correction,
               {.key = "surface_correction",
                .default_value = true,
@@ -94,6 +111,8 @@ struct Peridynamics {
               .description = "of the bonds; single is smaller and faster, with a noise of 1e-7 in stretch"}));
 
   void complete() {
+    add_cut("initial_crack", initial_crack);
+    add_cut("second_initial_crack", second_initial_crack);
     if (anisotropy.size() == 0) return;
     if (anisotropy.size() != 9)
       throw ParameterError{"anisotropy", "has " + std::to_string(anisotropy.size()) + " numbers, must have 9 or none"};
@@ -106,7 +125,22 @@ struct Peridynamics {
       throw ParameterError{"anisotropy", "must be invertible: a bond along a direction that G maps to 0 has no weight"};
   }
 
+  void add_cut(const char* key, const NumberList& given) {
+    if (given.size() == 0) return;
+    if (given.size() != 9) throw ParameterError{key, "has " + std::to_string(given.size()) + " numbers, must have 9 or none"};
+    const double* c = given.data();
+    const Material::Cut cut{{c[0], c[1], c[2]}, {c[3], c[4], c[5]}, {c[6], c[7], c[8]}};
+    const auto& u = cut.edge;
+    const auto& v = cut.other_edge;
+    const double area = std::hypot(u[1] * v[2] - u[2] * v[1], u[2] * v[0] - u[0] * v[2], u[0] * v[1] - u[1] * v[0]);
+    if (!(area > 1e-9 * std::hypot(u[0], u[1], u[2]) * std::hypot(v[0], v[1], v[2])))
+      throw ParameterError{key, "must have two edges of different directions: its last six numbers span no area"};
+    cuts.push_back(cut);
+  }
+
+  std::vector<Material::Cut> cuts;
   std::vector<std::unique_ptr<Solid>> solids;
+  std::vector<std::unique_ptr<EmbeddedMesh>> meshes;  ///< of bodies that have tetrahedra
   std::vector<Contact::Body> bodies;
   std::optional<Contact> contact;
   std::vector<double> mass;
@@ -139,11 +173,12 @@ struct Peridynamics {
       mass.push_back(body.density * body.volume[i]);
       lightest = std::min(lightest, mass.back());
     }
+    meshes.push_back(body.tetrahedron_count > 0 ? std::make_unique<EmbeddedMesh>(body) : nullptr);
     force.resize(3 * last);
     for (auto* values : {&energy, &damage, &dilatation}) values->resize(last);
+    if (solids.back()) solids.back()->damage(std::span(damage).subspan(first));
     if (yield) plastic_stretch.resize(last);
-    if (contact_distance > 0 && !contact)
-      contact.emplace(contact_distance, moduli.bulk, int(body.dimension), critical_stretch.has_value());
+    if (contact_distance > 0 && !contact) contact.emplace(contact_distance, moduli.bulk, int(body.dimension));
     moved = true;
   }
 
@@ -164,7 +199,9 @@ struct Peridynamics {
     m.plastic_limit = plastic_limit;
     m.plastic_return = plastic_return;
     m.critical_stretch = critical_stretch;
+    m.energy_release_rate = energy_release_rate;
     m.toughening = toughening;
+    m.cuts = cuts;
     return m;
   }
 
@@ -256,6 +293,14 @@ struct Peridynamics {
                                    {"dilatation", "1", 1, of(dilatation, 1)}};
     if (yield) all.push_back({"plastic_stretch", "1", 1, of(plastic_stretch, 1)});
     return all;
+  }
+
+  std::optional<SurfaceMesh> surface(std::uint64_t b) const {
+    if (!meshes[b]) return {};
+    const auto of = [&](const std::vector<double>& values, std::size_t components) {
+      return std::span(values).subspan(bodies[b].first * components, (bodies[b].last - bodies[b].first) * components);
+    };
+    return meshes[b]->surface(*solids[b], of(position, 3), of(velocity, 3), of(damage, 1), of(mass, 1));
   }
 
   struct Header {

@@ -15,6 +15,8 @@ constexpr double pi = std::numbers::pi;
 
 using Vector = std::array<double, 3>;
 Vector difference(const double* b, const double* a) { return {b[0] - a[0], b[1] - a[1], b[2] - a[2]}; }
+using peridynamics::dot;
+double dot(const Vector& a, const Vector& b) { return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]; }
 double length(const Vector& v) { return std::sqrt(v[0] * v[0] + v[1] * v[1] + v[2] * v[2]); }
 
 /// How the kernel holds positions. Single: whole numbers of a small unit, whose differences are exact however far from the
@@ -83,6 +85,11 @@ class Bonds final : public Solid {
   }
 
   void smooth(const Threads&, double share, std::span<double> velocity) const override;
+  void damage(std::span<double> phi) const override {
+    for (std::size_t i = 0; i < points(); ++i) phi[families_.order[i]] = damage_[i];
+  }
+  void for_shapes(std::span<const double> rest, std::span<const double> position, std::span<const double> velocity,
+                  const std::function<void(std::size_t, const ShapeTensor&)>& visit) const override;
 
   double highest_square_frequency() const override { return highest_square_frequency_; }
   std::uint64_t directed_bonds() const override {
@@ -122,6 +129,9 @@ class Bonds final : public Solid {
     const auto slot = std::size_t(found - families_.neighbour.begin());
     return Bond{slot, std::abs(double(rest_[slot])) * unit_};
   }
+
+  /// phi of all points from their bonds.
+  void count_damage();
 
   template <Form form>
   void both_passes(const Threads& threads, const Results& results) {
@@ -182,6 +192,7 @@ class Bonds final : public Solid {
 
 /// What the stiffnesses of a body are made from: bonds of points in the order of the families.
 struct Rest {
+  const Threads threads;
   const Material& material;
   const Families& families;
   double spacing, horizon, reach;
@@ -214,11 +225,66 @@ struct Rest {
       visit(bond);
     }
   }
+  /// visit(block, i); points of different blocks at the same time.
   template <class Visit>
   void for_points(const Visit& visit) const {
-    for (const Block& block : families.blocks)
+    threads.for_each(families.blocks.size(), [&](std::uint64_t b) {
+      const Block& block = families.blocks[b];
       for (std::size_t i = block.first; i < block.last; ++i) visit(block, i);
+    });
   }
+  /// The largest (or the sum) of value(block, i), the same for any number of threads.
+  template <class Value>
+  double largest(const Value& value) const {
+    return reduced(value, [](double a, double b) { return std::max(a, b); });
+  }
+  template <class Value>
+  double sum(const Value& value) const {
+    return reduced(value, [](double a, double b) { return a + b; });
+  }
+
+ private:
+  template <class Value, class Join>
+  double reduced(const Value& value, const Join& join) const {
+    std::vector<double> parts(families.blocks.size());
+    for_points([&](const Block& block, std::size_t i) {
+      double& part = parts[std::size_t(&block - families.blocks.data())];
+      part = join(part, value(block, i));
+    });
+    double all = 0;
+    for (const double part : parts) all = join(all, part);
+    return all;
+  }
+};
+
+/// Where a cut is seen from two points, on different sides of its plane. Points in the plane count as in front.
+class CutPlane {
+ public:
+  explicit CutPlane(const Material::Cut& cut) : cut_(cut) {
+    for (std::size_t a = 0; a < 3; ++a) {
+      const std::size_t b = (a + 1) % 3, c = (a + 2) % 3;
+      normal_[a] = cut.edge[b] * cut.other_edge[c] - cut.edge[c] * cut.other_edge[b];
+    }
+  }
+  double height(const Vector& x) const { return dot(normal_, difference(x.data(), cut_.corner.data())); }
+
+  /// Whether the line from a to b goes through the parallelogram, its edges included.
+  bool between(const Vector& a, const Vector& b) const {
+    const double from = height(a), to = height(b);
+    if ((from >= 0) == (to >= 0)) return false;
+    Vector hit;
+    for (std::size_t k = 0; k < 3; ++k) hit[k] = a[k] + from / (from - to) * (b[k] - a[k]) - cut_.corner[k];
+    const double uu = dot(cut_.edge, cut_.edge), uv = dot(cut_.edge, cut_.other_edge),
+                 vv = dot(cut_.other_edge, cut_.other_edge);
+    const double hu = dot(hit, cut_.edge), hv = dot(hit, cut_.other_edge), area = uu * vv - uv * uv;
+    const double u = (hu * vv - hv * uv) / area, v = (hv * uu - hu * uv) / area;
+    constexpr double edge = 1e-9;
+    return std::min(u, v) >= -edge && std::max(u, v) <= 1 + edge;
+  }
+
+ private:
+  Material::Cut cut_;
+  Vector normal_;
 };
 
 /// (1/m_i + 1/m_j)/2 of the bonds, m the weighted volume of a point over delta: of a full ball, or of its family.
@@ -290,7 +356,8 @@ Bonds<S>::Bonds(const Material& material, const cleave_body& body) : material_(m
   horizon_ = material.horizon * h;
   const double reach = corrected ? horizon_ + h / 2 : horizon_;
   const std::span position(body.position, 3 * body.point_count);
-  families_ = find_families(position, h, reach, width);
+  const Threads threads = threads_of(body);
+  families_ = find_families(threads, position, h, reach, width);
   const std::size_t n = points(), slots = families_.neighbour.size();
   place_in_order_.resize(n);
   for (std::size_t k = 0; k < n; ++k) place_in_order_[families_.order[k]] = std::uint32_t(k);
@@ -298,7 +365,6 @@ Bonds<S>::Bonds(const Material& material, const cleave_body& body) : material_(m
   const bool plastic = material.yield.has_value();
   form_ = published ? Form::published : plastic || material.toughening > 0 ? Form::general : Form::brittle;
   unit_ = Place<S>::unit(horizon_);
-  break_at_ = S(material.critical_stretch ? *material.critical_stretch * horizon_ / unit_ : 1e30);
   toughening_ = S(0.5 * material.toughening);
   plastic_limit_ = S(material.plastic_limit);
   full_volume_ = D == 3 ? 4 * pi / 3 * std::pow(horizon_, 3) : pi * horizon_ * horizon_;
@@ -306,7 +372,7 @@ Bonds<S>::Bonds(const Material& material, const cleave_body& body) : material_(m
   // c of the split e_d = e - c Lambda theta: delta/4, in the plane delta/3.
   published_share_ = S(published ? 0.5 * (D == 3 ? horizon_ / 4 : horizon_ / 3) / unit_ : 0);
 
-  Rest rest{material, families_, h, horizon_, reach, std::vector<Vector>(n), std::vector<double>(n)};
+  Rest rest{threads, material, families_, h, horizon_, reach, std::vector<Vector>(n), std::vector<double>(n)};
   for (std::size_t i = 0; i < n; ++i) mean_volume_ += body.volume[i] / double(n);
   for (std::size_t k = 0; k < n; ++k) {
     const std::size_t i = families_.order[k];
@@ -329,9 +395,10 @@ Bonds<S>::Bonds(const Material& material, const cleave_body& body) : material_(m
   const auto exact_stiffness = [&](std::size_t i, const Rest::Bond& b) {
     return 2 * alpha * double(weights[b.slot]) * b.influence * (rest.volume[i] * rest.volume[b.j]);
   };
-  double stiffest = 0;
-  rest.for_points([&](const Block& block, std::size_t i) {
-    rest.for_bonds(block, i, [&](const Rest::Bond& b) { stiffest = std::max(stiffest, exact_stiffness(i, b)); });
+  const double stiffest = rest.largest([&](const Block& block, std::size_t i) {
+    double most = 0;
+    rest.for_bonds(block, i, [&](const Rest::Bond& b) { most = std::max(most, exact_stiffness(i, b)); });
+    return most;
   });
   stiffness_step_ = S(stiffest / stiffness_steps);
   if (plastic) yield_ = S(std::sqrt(2 * *material.yield) * mean_volume_ * mean_volume_ / double(stiffness_step_));
@@ -363,16 +430,40 @@ Bonds<S>::Bonds(const Material& material, const cleave_body& body) : material_(m
   });
   // Row sums of K bound the eigenvalues of M^-1 K. theta_i has the energy (kappa - 5 mu/3)/2 V_i theta_i^2; where that is
   // negative it only lowers them.
-  rest.for_points([&](const Block& block, std::size_t i) {
-    if (moment[i] == 0) return;
+  highest_square_frequency_ = rest.largest([&](const Block& block, std::size_t i) -> double {
+    if (moment[i] == 0) return 0;
     double volumetric = unbalance[i] * (coupling[i] + unbalance[i]) * rest.volume[i];
     rest.for_bonds(block, i, [&](const Rest::Bond& b) {
       const double G = stiffness_[b.slot] * double(stiffness_step_), c = D * (published ? G / b.length : G) / moment[b.j];
       volumetric += rest.volume[b.j] * c * (coupling[b.j] + unbalance[b.j]);
     });
     const double total = row[i] + std::max(bulk_coupling_, 0.0) * volumetric;
-    highest_square_frequency_ = std::max(highest_square_frequency_, total / (body.density * rest.volume[i]));
+    return total / (body.density * rest.volume[i]);
   });
+
+  // A bond takes K (s_c delta)^2/2, and of those with direction n a plane of normal N meets |N.xi| times as many per area as
+  // there are per volume: on average over all N half of |xi|, in the plane 2/pi of it. Each bond is in two lists.
+  std::optional<double> critical = material.critical_stretch;
+  if (material.energy_release_rate) {
+    const double stiffness = rest.sum([&](const Block&, std::size_t i) {
+      double sum = 0;
+      for (std::size_t s = families_.first[i]; s < families_.first[i + 1]; ++s) sum += stiffness_[s];
+      return sum * double(stiffness_step_);
+    });
+    const double met = D == 3 ? 0.5 : 2 / pi, volume = mean_volume_ * double(n);
+    critical = std::sqrt(2 * *material.energy_release_rate * volume / (met * 0.5 * stiffness)) / horizon_;
+  }
+  break_at_ = S(critical ? *critical * horizon_ / unit_ : 1e30);
+
+  for (const Material::Cut& cut : material.cuts) {
+    const CutPlane plane(cut);
+    rest.for_points([&](const Block& block, std::size_t i) {
+      rest.for_bonds(block, i, [&](const Rest::Bond& b) {
+        if (plane.between(rest.at[std::min(i, b.j)], rest.at[std::max(i, b.j)])) rest_[b.slot] = -std::abs(rest_[b.slot]);
+      });
+    });
+  }
+  count_damage();
 }
 
 // ------------------------------------------------------------------------------------------------- a step
@@ -556,6 +647,45 @@ void Bonds<S>::smooth(const Threads& threads, double share, std::span<double> ve
   });
 }
 
+template <class S>
+void Bonds<S>::for_shapes(std::span<const double> rest, std::span<const double> position, std::span<const double> velocity,
+                          const std::function<void(std::size_t, const ShapeTensor&)>& visit) const {
+  for (const Block& block : families_.blocks)
+    for (std::size_t i = block.first; i < block.last; ++i) {
+      const std::size_t own = families_.order[i];
+      ShapeTensor shape;
+      for (std::size_t s = families_.first[i]; s < families_.first[i] + families_.count[i]; ++s) {
+        const std::size_t other = families_.order[families_.near[block.near_first + families_.neighbour[s] / 2]];
+        const double pull = stiffness_[s] * double(stiffness_step_), length = std::abs(double(rest_[s])) * unit_;
+        shape.full += pull * length;
+        if (!(rest_[s] > 0)) continue;
+        const double stiffness = pull / length;
+        const Vector xi = difference(&rest[3 * other], &rest[3 * own]),
+                     y = difference(&position[3 * other], &position[3 * own]),
+                     v = difference(&velocity[3 * other], &velocity[3 * own]);
+        for (std::size_t b = 0; b < 3; ++b) {
+          const double weighed = stiffness * xi[b];
+          for (std::size_t a = 0; a < 3; ++a) {
+            shape.rest[a][b] += xi[a] * weighed;
+            shape.deformed[a][b] += y[a] * weighed;
+            shape.moving[a][b] += v[a] * weighed;
+          }
+        }
+      }
+      visit(own, shape);
+    }
+}
+
+template <class S>
+void Bonds<S>::count_damage() {
+  for (std::size_t i = 0; i < points(); ++i) {
+    std::uint32_t intact = 0;
+    const std::size_t first = families_.first[i], count = families_.count[i];
+    for (std::size_t s = first; s < first + count; ++s) intact += rest_[s] > 0;
+    damage_[i] = count ? S(1) - S(intact) / S(count) : S(0);
+  }
+}
+
 // ------------------------------------------------------------------------------------------------- checkpoints
 
 template <class S>
@@ -575,16 +705,13 @@ template <class S>
 void Bonds<S>::restore(std::span<const std::byte> state) {
   const auto flows = state.subspan((directed_bonds() + 7) / 8);
   std::size_t bond = 0;
-  for (std::size_t i = 0; i < points(); ++i) {
-    std::uint32_t intact = 0;
+  for (std::size_t i = 0; i < points(); ++i)
     for (std::size_t s = families_.first[i]; s < families_.first[i] + families_.count[i]; ++s, ++bond) {
       const bool broken = (state[bond / 8] & std::byte(1u << bond % 8)) != std::byte(0);
       rest_[s] = broken ? -std::abs(rest_[s]) : std::abs(rest_[s]);
-      intact += !broken;
       if (!flows.empty()) std::memcpy(&plastic_[s], &flows[bond * sizeof(S)], sizeof(S));
     }
-    damage_[i] = families_.count[i] ? S(1) - S(intact) / S(families_.count[i]) : S(0);
-  }
+  count_damage();
 }
 
 }  // namespace

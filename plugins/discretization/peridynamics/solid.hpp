@@ -3,8 +3,11 @@
 #ifndef CLEAVE_PERIDYNAMICS_SOLID_HPP
 #define CLEAVE_PERIDYNAMICS_SOLID_HPP
 
+#include "shape_tensor.hpp"
+
 #include <cleave/discretization.hpp>
 
+#include <functional>
 #include <memory>
 #include <optional>
 
@@ -27,7 +30,14 @@ struct Material {
   double plastic_limit = 0;                         ///< gamma over |xi|
   Return plastic_return = Return::consistent;
   std::optional<double> critical_stretch;
-  double toughening = 0;  ///< alpha
+  std::optional<double> energy_release_rate;  ///< J/m^2, instead
+  double toughening = 0;                      ///< alpha
+
+  /// A parallelogram that bonds are cut by: a corner and its two edges, m.
+  struct Cut {
+    std::array<double, 3> corner, edge, other_edge;
+  };
+  std::vector<Cut> cuts;
 };
 
 /// Per point, in the order of the body.
@@ -48,6 +58,12 @@ class Solid {
   virtual void evaluate(const Threads&, std::span<const double> position, const Results&) = 0;
   /// v_i += share sum_j V_j (v_j - v_i)/V, j over the unbroken bonds, V the volume of a full family: momentum is kept.
   virtual void smooth(const Threads&, double share, std::span<double> velocity) const = 0;
+
+  /// phi = 1 - n/N of each point, n of its N bonds unbroken.
+  virtual void damage(std::span<double> phi) const = 0;
+  /// visit(i, its sums) for the points that were at `rest` (3 numbers each) and are at `position`, moving with `velocity`.
+  virtual void for_shapes(std::span<const double> rest, std::span<const double> position, std::span<const double> velocity,
+                          const std::function<void(std::size_t, const ShapeTensor&)>& visit) const = 0;
 
   /// A bound of the square of the highest frequency of the unbroken body, 1/s^2.
   virtual double highest_square_frequency() const = 0;

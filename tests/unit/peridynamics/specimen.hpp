@@ -38,6 +38,8 @@ inline const testkit::Plugin& peridynamics() {
 /// A box of nx x ny x nz points, `spacing` apart, each with the volume of its cube.
 struct Points {
   std::vector<double> position, velocity, volume;
+  std::vector<double> vertices;  ///< of tetrahedra around the points, if there are any
+  std::vector<std::uint32_t> tetrahedra;
   double spacing = 0.01, density = 1000;
   std::uint32_t dimension = 3;
 
@@ -48,6 +50,47 @@ struct Points {
       for (int j = 0; j < ny; ++j)
         for (int k = 0; k < nz; ++k) p.add({corner[0] + i * spacing, corner[1] + j * spacing, corner[2] + k * spacing});
     return p;
+  }
+  /// nx x ny x nz cubes of six tetrahedra [Kuhn 1960], the vertices inside moved at random by up to a tenth of an edge.
+  static Points mesh(int nx, int ny, int nz, const Point& corner = {}, double edge = 0.01) {
+    Points p;
+    p.spacing = edge / std::cbrt(6.0);
+    unsigned seed = 7;
+    const auto vertex = [&](int i, int j, int k) { return std::uint32_t((i * (ny + 1) + j) * (nz + 1) + k); };
+    for (int i = 0; i <= nx; ++i)
+      for (int j = 0; j <= ny; ++j)
+        for (int k = 0; k <= nz; ++k)
+          for (const auto& [at, last, low] : {std::tuple(i, nx, corner[0]), {j, ny, corner[1]}, {k, nz, corner[2]}}) {
+            seed = seed * 1664525u + 1013904223u;
+            const double jitter = at > 0 && at < last ? 0.2 * (seed >> 8) / (1u << 24) - 0.1 : 0;
+            p.vertices.push_back(low + (at + jitter) * edge);
+          }
+    for (int i = 0; i < nx; ++i)
+      for (int j = 0; j < ny; ++j)
+        for (int k = 0; k < nz; ++k)
+          for (const auto& axes : {std::array{0, 1, 2}, {0, 2, 1}, {1, 0, 2}, {1, 2, 0}, {2, 0, 1}, {2, 1, 0}}) {
+            std::array<int, 3> at = {i, j, k};
+            std::uint32_t corners[4] = {vertex(at[0], at[1], at[2])};
+            for (std::size_t a = 0; a < 3; ++a) {
+              ++at[std::size_t(axes[a])];
+              corners[a + 1] = vertex(at[0], at[1], at[2]);
+            }
+            p.tetrahedra.insert(p.tetrahedra.end(), corners, corners + 4);
+            Point centre{};
+            for (const std::uint32_t v : corners)
+              for (std::size_t a = 0; a < 3; ++a) centre[a] += p.vertices[3 * v + a] / 4;
+            p.add(centre);
+            p.volume.back() = std::abs(p.tetrahedron_volume(&p.tetrahedra[p.tetrahedra.size() - 4], p.vertices));
+          }
+    return p;
+  }
+  static double tetrahedron_volume(const std::uint32_t* corners, const std::vector<double>& vertices) {
+    double e[3][3];
+    for (std::size_t a = 0; a < 3; ++a)
+      for (std::size_t c = 0; c < 3; ++c) e[a][c] = vertices[3 * corners[a + 1] + c] - vertices[3 * corners[0] + c];
+    return (e[0][0] * (e[1][1] * e[2][2] - e[1][2] * e[2][1]) + e[0][1] * (e[1][2] * e[2][0] - e[1][0] * e[2][2]) +
+            e[0][2] * (e[1][0] * e[2][1] - e[1][1] * e[2][0])) /
+           6;
   }
   void add(const Point& x) {
     position.insert(position.end(), x.begin(), x.end());
@@ -95,6 +138,10 @@ class Specimen {
     body.position = points.position.data();
     body.velocity = points.velocity.data();
     body.volume = points.volume.data();
+    body.vertex_count = points.vertices.size() / 3;
+    body.vertices = points.vertices.data();
+    body.tetrahedron_count = points.tetrahedra.size() / 4;
+    body.tetrahedra = points.tetrahedra.data();
     testkit::Words words;
     if (table().add_body(instance_->handle(), &body, &words.message) != CLEAVE_OK) throw std::runtime_error(words.said());
     counts_.push_back(points.size());
@@ -146,6 +193,20 @@ class Specimen {
       if (name == field.name) return {field.values, field.values + field.components * counts_.at(body)};
     ADD_FAILURE() << "no field " << name;
     return {};
+  }
+  struct Surface {
+    std::vector<double> vertices, velocity, damage;
+    std::vector<std::uint32_t> triangles, piece, tetrahedra;
+    bool operator==(const Surface&) const = default;
+  };
+  Surface surface(std::size_t body = 0) const {
+    cleave_surface s{};
+    s.struct_size = sizeof s;
+    if (const auto result = table().surface(instance_->handle(), body, &s); result != CLEAVE_OK)
+      throw std::runtime_error("surface() returns " + std::to_string(result));
+    return {{s.vertices, s.vertices + 3 * s.vertex_count}, {s.velocity, s.velocity + 3 * s.vertex_count},
+            {s.damage, s.damage + s.vertex_count},         {s.triangles, s.triangles + 3 * s.triangle_count},
+            {s.piece, s.piece + s.vertex_count},           {s.tetrahedra, s.tetrahedra + 4 * s.tetrahedron_count}};
   }
   std::vector<unsigned char> save() const {
     std::vector<unsigned char> bytes(table().save(instance_->handle(), nullptr, 0));
