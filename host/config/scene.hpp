@@ -143,6 +143,8 @@ struct Output {
   std::vector<std::string> formats = {"vdb"};  ///< any of "vdb", "vtp", "ply"
   bool surface = false;                        ///< vdb: also a level set of each body's surface
   std::vector<std::string> attributes;  ///< beyond id and velocity: state names, "F", "J", "damage", ...; empty: all declared
+  /// Formats of the surfaces of discretized bodies: any of "ply", "obj", "vtp", "vtu"; no value: "ply" where bodies have one.
+  std::optional<std::vector<std::string>> meshes;
   CheckpointTimes checkpoint;
 };
 

@@ -466,6 +466,10 @@ Output read_output(TableReader table, const Scene& scene) {
     table.error_at("surface", "'surface' is written as .vdb; add \"vdb\" to 'formats'");
   if (auto attributes = read_words(table, "attributes", output_attributes(scene, table.context().catalog)))
     output.attributes = std::move(*attributes);
+  if (std::any_of(scene.materials.begin(), scene.materials.end(), [](const Material& m) { return bool(m.discretization); }))
+    output.meshes = read_words(table, "meshes", {"ply", "obj", "vtp", "vtu"});
+  else
+    table.refuse("meshes", "has no effect: only bodies of a discretization have meshes to write");
   if (auto checkpoint = table.table("checkpoint", "[output.checkpoint]"))
     output.checkpoint = read_checkpoint_times(std::move(*checkpoint));
   table.finish();

@@ -287,8 +287,9 @@ std::string to_toml(const Scene& scene, const PluginCatalog& catalog) {
   out << "\n[output]\n"
       << "formats = " << words(scene.output.formats) << "\n"
       << "surface = " << (scene.output.surface ? "true" : "false") << "\n"
-      << "attributes = " << words(scene.output.attributes) << "\n"
-      << "\n[output.checkpoint]\n"
+      << "attributes = " << words(scene.output.attributes) << "\n";
+  if (scene.output.meshes) out << "meshes = " << words(*scene.output.meshes) << "\n";
+  out << "\n[output.checkpoint]\n"
       << "frames = " << scene.output.checkpoint.frames << "\n"
       << "seconds = " << number(scene.output.checkpoint.seconds) << "  # of wall time\n";
   return out.str();

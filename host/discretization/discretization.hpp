@@ -8,41 +8,36 @@
 
 #include <map>
 #include <memory>
+#include <optional>
 #include <string>
 #include <vector>
 
 namespace cleave::discretization {
 
-/// The bodies of one material, stepped as a whole by a plugin.
-class Discretization {
+/// The bodies of one material, stepped as a whole by a plugin. In a frame they have the fields of the plugin as attributes and
+/// its surfaces as meshes. In a record minimum_J > maximum_J if no body has F.
+class Discretization final : public mpm::Simulation {
  public:
   /// Hands the bodies to an instance of the material's plugin. Throws InputError if it refuses one.
   Discretization(const config::Scene&, const config::Material&, std::vector<mpm::SampledBody>, plugins::Registry&);
 
-  const plugins::Instance& plugin() const { return instance_; }
-  const std::string& material() const { return material_; }
-  std::size_t bodies() const { return bodies_.size(); }
-  std::size_t points() const { return points_; }
-  double rest_volume() const { return rest_volume_; }
-  /// Of the state the plugin would save.
-  std::uint64_t saved_bytes() const;
-  /// One section. Throws InputError where the plugin refuses what is restored.
-  void save(checkpoint::StateWriter&, const std::string& section) const;
-  void restore(checkpoint::StateReader&, const std::string& section);
-  const std::vector<std::size_t>& held() const { return surroundings_.held(); }
+  mpm::Bound largest_step() override;
+  std::int64_t particles() const override { return std::int64_t(points_); }
+  const std::vector<std::size_t>& held() const override { return surroundings_.held(); }
 
-  /// s, positive. Throws SimulationError if the plugin gives none.
-  double stable_step() const;
-  /// From `time` on. Throws SimulationError naming the plugin, and body and point if something is not finite afterwards.
-  void step(double time, double time_step);
+  std::vector<std::string> attributes() const override;
+  bool has_surfaces() const override;
+  output::ParticleFrame frame(int index) const override;
+  std::vector<mpm::ParticleState> state() const override;
+  output::FrameRecord measure() override;
 
-  /// Adds bodies, points and fields. Attributes that only a part of a frame's points have are 0 for the others. `asked`: names
-  /// of attributes; empty: all but "F", which gives "J".
-  void write(output::ParticleFrame&, const std::vector<std::string>& asked) const;
-  void write(std::vector<mpm::ParticleState>&, std::int32_t first_body) const;
-  /// Adds energies, momenta and extremes, where center_of_mass stands for the first moment of mass; `damaged` is the rest
-  /// volume with d > 1/2.
-  void measure(output::FrameRecord&, double& damaged) const;
+  std::vector<std::pair<std::string, double>> stage_seconds() const override { return {{"discretization", seconds_}}; }
+  std::vector<std::pair<std::string, std::int64_t>> integrators() const override { return {}; }
+  std::vector<std::pair<std::string, double>> bytes_per_particle() const override;
+  std::vector<output::PluginRecord> plugins() const override;
+  const char* isa() const override { return "none"; }
+  const std::string& failed_batch() const override;
+  std::vector<std::string> not_saved() const override { return {}; }
 
  private:
   struct Field {
@@ -55,20 +50,34 @@ class Discretization {
     std::vector<double> volumes;                  ///< at rest, m^3 (2D: m^2)
     std::unique_ptr<ElasticResponse> elasticity;  ///< null without an elastic law
   };
+
+  void advance(double time_step) override;
+  void save_state(checkpoint::StateWriter&, const std::string& prefix) const override;
+  void restore_state(checkpoint::StateReader&, const std::string& prefix) override;
+
+  void add(const config::Material&, mpm::SampledBody&);
+  double stable_step() const;
+  std::uint64_t saved_bytes() const;
   /// Fields of a body by name. Throws SimulationError if position or velocity is not among them or one has no such shape.
   std::map<std::string, Field> fields(std::size_t body) const;
+  /// Empty if the body has no surface. Throws SimulationError if it is not what a surface has to be.
+  std::optional<cleave_surface> surface(std::size_t body) const;
+  output::BodyMesh mesh(std::size_t body, const cleave_surface&) const;
   [[noreturn]] void fail(const std::string& what) const;
+  /// Calls a function that may fail, and says when.
+  template <class Call>
+  void in_step(const Call& call, const std::string& when) const;
 
   std::string material_;
   double density_;
-  int dimension_;
-  Vector3 gravity_;
+  config::Simulation settings_;
+  config::Output output_;
   plugins::Instance elasticity_;  // without a handle if the material has none
   std::vector<Body> bodies_;
   std::size_t points_ = 0;
-  double rest_volume_ = 0;
   Surroundings surroundings_;
   plugins::Instance instance_;
+  double seconds_ = 0;
 };
 
 }  // namespace cleave::discretization

@@ -100,6 +100,7 @@ class MpmSimulation final : public Simulation {
   const char* isa() const override { return load_kernels().isa; }
   const std::string& failed_batch() const override { return failed_batch_; }
 
+  std::vector<std::string> attributes() const override;
   output::ParticleFrame frame(int index) const override;
   std::vector<ParticleState> state() const override;
   output::FrameRecord measure() override;
@@ -894,6 +895,21 @@ void MpmSimulation<T, D>::fail(std::size_t set, const BlockReport& r, const char
 }
 
 // ------------------------------------------------------------------------------------------------- looking at it
+
+template <class T, int D>
+std::vector<std::string> MpmSimulation<T, D>::attributes() const {
+  std::vector<std::string> names = {"J", "C"};
+  for (const auto& s : sets_) {
+    names.push_back(s->layout().stores_b ? "b" : "F");
+    if (s->layout().damage) names.push_back("damage");
+    if (s->layout().toughness) names.push_back("toughness");
+  }
+  for (const auto& m : materials_)
+    for (const auto& state : m->states()) names.push_back(state.name);
+  std::sort(names.begin(), names.end());
+  names.erase(std::unique(names.begin(), names.end()), names.end());
+  return names;
+}
 
 template <class T, int D>
 output::ParticleFrame MpmSimulation<T, D>::frame(int index) const {

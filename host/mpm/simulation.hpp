@@ -64,6 +64,10 @@ class Simulation {
   /// How many particles each handle of the scene holds.
   virtual const std::vector<std::size_t>& held() const = 0;
 
+  /// Names of what the attributes of a frame can be.
+  virtual std::vector<std::string> attributes() const = 0;
+  /// Whether bodies have surfaces, which frames hold beside the particles.
+  virtual bool has_surfaces() const { return false; }
   /// All particles by id, with the attributes the scene asks for.
   virtual output::ParticleFrame frame(int index) const = 0;
   /// All particles by id.

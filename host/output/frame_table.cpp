@@ -63,10 +63,17 @@ Row columns(const FrameRecord& record) {
 
 }  // namespace
 
-FrameTable::FrameTable(std::filesystem::path path, const std::string& earlier) : path_(std::move(path)) {
+std::vector<std::string> frame_columns() {
+  std::vector<std::string> names;
+  for (const auto& [name, value] : columns({})) names.emplace_back(name);
+  return names;
+}
+
+FrameTable::FrameTable(std::filesystem::path path, const std::string& earlier, bool pieces)
+    : path_(std::move(path)), pieces_(pieces) {
   std::string header;
   for (const auto& [name, value] : columns({})) header += (header.empty() ? "" : ",") + std::string(name);
-  header += '\n';
+  header += pieces_ ? ",pieces\n" : "\n";
   if (!earlier.empty() && !earlier.starts_with(header))
     throw InputError("cannot continue " + path_.string() + ": it has other columns than this program writes");
   AtomicFile file(path_);
@@ -83,6 +90,7 @@ FrameTable::~FrameTable() {
 void FrameTable::append(const FrameRecord& record) {
   std::string line;
   for (const auto& [name, value] : columns(record)) line += (line.empty() ? "" : ",") + value;
+  if (pieces_) line += ',' + std::to_string(record.pieces.value_or(0));
   line += '\n';
   struct stat before {};
   if (::fstat(descriptor_, &before) != 0) throw_file_error("write", path_, errno);

@@ -2,13 +2,13 @@
 #include "output/atomic_file.hpp"
 #include "output/frame.hpp"
 #include "output/frame_table.hpp"
+#include "output/mesh.hpp"
 #include "output/ply.hpp"
 #include "output/summary.hpp"
 #include "output/vdb.hpp"
 #include "output/vtp.hpp"
 
 #include <algorithm>
-#include <array>
 #include <charconv>
 #include <cstdio>
 #include <fstream>
@@ -27,13 +27,26 @@ struct Kind {
   const char* folder;
   const char* extension;
   void (*write)(const fs::path&, const ParticleFrame&);
+  const char* series = nullptr;  ///< index of the files for viewers
 };
 
-constexpr Kind point_kind{"points", ".vdb", write_points_vdb}, surface_kind{"surface", ".vdb", write_surface_vdb},
-    vtp_kind{"vtp", ".vtp", write_vtp}, ply_kind{"ply", ".ply", write_ply};
-constexpr std::array all_kinds{point_kind, surface_kind, vtp_kind, ply_kind};
+constexpr Kind surface_kind{"surface", ".vdb", write_surface_vdb};
+/// By the name of the format.
+const std::map<std::string, Kind> particle_kinds{{"vdb", {"points", ".vdb", write_points_vdb}},
+                                                 {"vtp", {"vtp", ".vtp", write_vtp, "particles.pvd"}},
+                                                 {"ply", {"ply", ".ply", write_ply}}},
+    mesh_kinds{{"ply", {"meshes", ".ply", write_mesh_ply}},
+               {"obj", {"meshes", ".obj", write_mesh_obj}},
+               {"vtp", {"meshes", ".vtp", write_mesh_vtp, "meshes.pvd"}},
+               {"vtu", {"meshes", ".vtu", write_mesh_vtu, "tetrahedra.pvd"}}};
 
-constexpr const char* series_name = "particles.pvd";
+std::vector<Kind> all_kinds() {
+  std::vector<Kind> all{surface_kind};
+  for (const auto* kinds : {&particle_kinds, &mesh_kinds})
+    for (const auto& [format, kind] : *kinds) all.push_back(kind);
+  return all;
+}
+
 constexpr const char* table_name = "frames.csv";
 constexpr const char* summary_name = "summary.json";
 
@@ -78,7 +91,9 @@ std::optional<int> frame_index(const std::string& name) {
 
 /// A viewer that finds frames of two runs side by side would show them as one. The first `kept` frames stay.
 void remove_previous_run(const fs::path& directory, int kept) {
-  for (const Kind& kind : all_kinds) {
+  std::vector<std::string> files = {table_name, summary_name};
+  for (const Kind& kind : all_kinds()) {
+    if (kind.series) files.emplace_back(kind.series);
     const fs::path folder = directory / kind.folder;
     std::error_code error;
     if (!fs::is_directory(folder, error)) continue;
@@ -91,9 +106,9 @@ void remove_previous_run(const fs::path& directory, int kept) {
     if (error) throw_file_error("read directory", folder, error.value());
     for (const fs::path& path : stale) remove_file(path);
   }
-  for (const char* name : {series_name, table_name, summary_name}) {
+  for (const std::string& name : files) {
     remove_file(directory / name);
-    remove_file(directory / (std::string(name) + partial_suffix));
+    remove_file(directory / (name + partial_suffix));
   }
 }
 
@@ -121,6 +136,15 @@ void check(const ParticleFrame& frame) {
   for (const Attribute& attribute : frame.attributes)
     consistent = consistent && attribute.components > 0 &&
                  attribute.values.size() == particles * static_cast<std::size_t>(attribute.components);
+  for (const BodyMesh& mesh : frame.meshes) {
+    const std::size_t vertices = mesh.vertex_count();
+    const auto in_range = [vertices](std::uint32_t corner) { return corner < vertices; };
+    consistent = consistent && std::size_t(mesh.body) < frame.bodies.size() && mesh.piece.size() == vertices &&
+                 (mesh.velocity.empty() || mesh.velocity.size() == 3 * vertices) &&
+                 (mesh.damage.empty() || mesh.damage.size() == vertices) && mesh.triangles.size() % 3 == 0 &&
+                 mesh.tetrahedra.size() % 4 == 0 && std::all_of(mesh.triangles.begin(), mesh.triangles.end(), in_range) &&
+                 std::all_of(mesh.tetrahedra.begin(), mesh.tetrahedra.end(), in_range);
+  }
   if (!consistent) throw std::invalid_argument("the arrays of a particle frame do not fit together");
 }
 
@@ -143,37 +167,39 @@ void naming(const fs::path& path, const Write& write) {
 struct Writer::State {
   fs::path directory;
   std::vector<Kind> kinds;
-  bool series_wanted = false;
-  std::map<int, SeriesEntry> series;
+  std::map<std::string, std::map<int, SeriesEntry>> series;  ///< frames by the name of their index
   std::unique_ptr<FrameTable> table;
   std::vector<fs::path> texts;
   bool summarized = false;
 };
 
-Writer::Writer(fs::path directory, std::vector<std::string> formats, bool surface, const EarlierPart* earlier)
+Writer::Writer(fs::path directory, const std::vector<std::string>& formats, bool surface, const EarlierPart* earlier,
+               const std::optional<std::vector<std::string>>& meshes)
     : state_(std::make_unique<State>()) {
   state_->directory = std::move(directory);
-  const std::map<std::string, Kind> by_format{{"vdb", point_kind}, {"vtp", vtp_kind}, {"ply", ply_kind}};
-  std::vector<std::string> seen;
-  for (const std::string& format : formats) {
-    const auto found = by_format.find(format);
-    if (found == by_format.end()) throw InputError("unknown output format '" + format + "'; there are vdb, vtp and ply");
-    if (std::find(seen.begin(), seen.end(), format) != seen.end()) continue;
-    seen.push_back(format);
-    state_->kinds.push_back(found->second);
-    if (format == "vtp") state_->series_wanted = true;
-  }
+  const auto add = [this](const std::vector<std::string>& names, const std::map<std::string, Kind>& kinds,
+                          const char* there_are) {
+    for (auto name = names.begin(); name != names.end(); ++name) {
+      if (std::find(names.begin(), name, *name) != name) continue;
+      const auto found = kinds.find(*name);
+      if (found == kinds.end()) throw InputError("unknown output format '" + *name + "'; there are " + there_are);
+      state_->kinds.push_back(found->second);
+    }
+  };
+  add(formats, particle_kinds, "vdb, vtp and ply");
   if (surface) state_->kinds.push_back(surface_kind);
+  if (meshes) add(*meshes, mesh_kinds, "ply, obj, vtp and vtu for meshes");
 
   make_directory(state_->directory);
   remove_previous_run(state_->directory, earlier ? earlier->frames : 0);
   for (const Kind& kind : state_->kinds) make_directory(state_->directory / kind.folder);
-  state_->table = std::make_unique<FrameTable>(state_->directory / table_name, earlier ? earlier->table : "");
-  if (earlier && state_->series_wanted)
-    for (const auto& [index, time] : times_of(earlier->table))
-      if (const fs::path file = fs::path(vtp_kind.folder) / frame_name(index, vtp_kind.extension);
-          fs::exists(state_->directory / file))
-        state_->series[index] = {time, file.string()};
+  state_->table =
+      std::make_unique<FrameTable>(state_->directory / table_name, earlier ? earlier->table : "", meshes.has_value());
+  if (!earlier) return;
+  for (const Kind& kind : state_->kinds)
+    for (const auto& [index, time] : kind.series ? times_of(earlier->table) : std::map<int, double>())
+      if (const fs::path file = fs::path(kind.folder) / frame_name(index, kind.extension); fs::exists(state_->directory / file))
+        state_->series[kind.series][index] = {time, file.string()};
 }
 
 Writer::~Writer() = default;
@@ -181,14 +207,14 @@ Writer::~Writer() = default;
 void Writer::frame(const ParticleFrame& frame) {
   check(frame);
   for (const Kind& kind : state_->kinds) {
-    const fs::path path = state_->directory / kind.folder / frame_name(frame.index, kind.extension);
+    const fs::path file = fs::path(kind.folder) / frame_name(frame.index, kind.extension), path = state_->directory / file;
     naming(path, [&] { kind.write(path, frame); });
+    if (!kind.series) continue;
+    auto& series = state_->series[kind.series];
+    series[frame.index] = {frame.time, file.string()};
+    const fs::path index = state_->directory / kind.series;
+    naming(index, [&] { write_pvd(index, series); });
   }
-  if (!state_->series_wanted) return;
-  state_->series[frame.index] = {frame.time,
-                                 (fs::path(vtp_kind.folder) / frame_name(frame.index, vtp_kind.extension)).string()};
-  const fs::path index = state_->directory / series_name;
-  naming(index, [&] { write_pvd(index, state_->series); });
 }
 
 void Writer::record(const FrameRecord& record) { state_->table->append(record); }
@@ -223,8 +249,10 @@ std::string Writer::table() const {
 
 std::vector<fs::path> Writer::written() const {
   std::vector<fs::path> paths;
-  for (const Kind& kind : state_->kinds) paths.push_back(state_->directory / kind.folder);
-  if (!state_->series.empty()) paths.push_back(state_->directory / series_name);
+  for (const Kind& kind : state_->kinds)
+    if (const fs::path folder = state_->directory / kind.folder; std::find(paths.begin(), paths.end(), folder) == paths.end())
+      paths.push_back(folder);
+  for (const auto& [name, frames] : state_->series) paths.push_back(state_->directory / name);
   paths.push_back(state_->directory / table_name);
   if (state_->summarized) paths.push_back(state_->directory / summary_name);
   paths.insert(paths.end(), state_->texts.begin(), state_->texts.end());
