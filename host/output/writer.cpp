@@ -196,10 +196,11 @@ Writer::Writer(fs::path directory, const std::vector<std::string>& formats, bool
   state_->table =
       std::make_unique<FrameTable>(state_->directory / table_name, earlier ? earlier->table : "", meshes.has_value());
   if (!earlier) return;
-  for (const Kind& kind : state_->kinds)
+  for (const Kind& kind : all_kinds())
     for (const auto& [index, time] : kind.series ? times_of(earlier->table) : std::map<int, double>())
       if (const fs::path file = fs::path(kind.folder) / frame_name(index, kind.extension); fs::exists(state_->directory / file))
         state_->series[kind.series][index] = {time, file.string()};
+  for (const auto& [name, frames] : state_->series) write_pvd(state_->directory / name, frames);
 }
 
 Writer::~Writer() = default;
