@@ -108,6 +108,20 @@ TEST_P(InPrecision, GoesOnFromASavedStateWithTheSameBits) {
   EXPECT_THROW(fresh.restore(broken), std::runtime_error);
 }
 
+TEST_P(InPrecision, BreaksNothingAtRest) {
+  // Whatever the weights of the bonds are, none has a force in a body that moves as a whole.
+  for (const char* correction : {"true", "false"})
+    for (const char* split : {"corrected", "published"}) {
+      Texts parameters =
+          with(precision(), {{"critical_stretch", "1e-6"}, {"surface_correction", correction}, {"deviatoric", split}});
+      Points body = Points::mesh(4, 4, 4, {3, 1, -2});
+      for (std::size_t i = 0; i < body.size(); ++i) body.velocity[3 * i] = 1;
+      Specimen solid(parameters);
+      solid.add(body);
+      EXPECT_EQ(largest(solid.step(0.5 * solid.stable_step(), 60).field("damage")), 0);
+    }
+}
+
 TEST(Peridynamics, VelocityVerletCanBeReversed) {
   Points cube = Points::box(5, 5, 5);
   const Texts verlet = {{"integrator", "velocity-verlet"}, {"contact_distance", "0"}};

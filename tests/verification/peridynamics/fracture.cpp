@@ -1,0 +1,153 @@
+// What a crack costs, and the load at which it grows.
+#include "specimen.hpp"
+
+#include <cstdio>
+
+namespace cleave::test {
+namespace {
+
+constexpr double mu = 1e5, instant = 1e-9;
+/// kappa of nu = 1/4 in space, and what makes nu = 1/4 in plane strain: no dilatation enters the energy.
+constexpr double quarter = 5 * mu / 3;
+
+std::string text(double v) {
+  char buffer[32];
+  std::snprintf(buffer, sizeof buffer, "%.17g", v);
+  return buffer;
+}
+
+/// Work per area of taking two rigid halves apart: integral of the force between them, over G.
+double separation_work(Texts parameters, const Points& points, double plane, const Point& normal, double area) {
+  const double G = 10;
+  parameters.insert({{"energy_release_rate", text(G)}, {"contact_distance", "0"}});
+  const double horizon = std::stod(parameters.at("horizon")) * points.spacing;
+  // s_c delta = sqrt(G delta/(5 mu)) is about 0.45 spacings; bonds across have broken when the gap is some times that.
+  const double most = 4 * std::sqrt(G * horizon / (5 * mu));
+  Specimen solid(parameters);
+  solid.add(points);
+  const auto side = [&](std::size_t i) {
+    const Point x = points.at(i);
+    return normal[0] * x[0] + normal[1] * x[1] + normal[2] * x[2] > plane;
+  };
+  double gap = 0;
+  bool held = true;
+  solid.handle = [&](std::size_t, std::size_t i, Point& x, Point& v) {
+    x = points.at(i);
+    for (std::size_t a = 0; side(i) && a < 3; ++a) x[a] += gap * normal[a];
+    v = {};
+    return held;
+  };
+  double work = 0, before = 0;
+  constexpr int steps = 150;
+  for (int n = 1; n <= steps; ++n) {
+    gap = most * n / steps;
+    held = true;
+    solid.step(instant);
+    held = false;  // one step from rest tells the forces
+    const auto v = solid.step(instant).field("velocity");
+    double force = 0;
+    for (std::size_t i = 0; i < points.size(); ++i)
+      for (std::size_t a = 0; side(i) && a < 3; ++a)
+        force -= points.density * points.volume[i] * v[3 * i + a] / instant * normal[a];
+    work += 0.5 * (force + before) * most / steps;
+    before = force;
+  }
+  EXPECT_LT(std::abs(before) * most, 1e-3 * work) << "some bond is left";
+  return work / (area * G);
+}
+
+TEST(PeridynamicEnergyReleaseRate, IsTheWorkOfSeparation) {
+  const Points block = Points::box(8, 18, 18);
+  const double side = 18 * block.spacing, half = std::sqrt(0.5);
+  for (const auto& [horizon, tolerance] : {std::pair("1.45", 0.12), {"2.2", 0.1}, {"3.015", 0.03}}) {
+    for (const char* correction : {"true", "false"}) {
+      const bool corrected = correction[0] == 't';
+      if (!corrected && horizon[0] != '3') continue;
+      const Texts parameters = {{"shear_modulus", text(mu)},
+                                {"bulk_modulus", text(quarter)},
+                                {"horizon", horizon},
+                                {"surface_correction", correction}};
+      const double straight = separation_work(parameters, block, 3.5 * block.spacing, {1, 0, 0}, side * side);
+      // Planes at 45 degrees, halfway between layers of points.
+      const Points other = Points::box(18, 18, 8);
+      const double diagonal = separation_work(parameters, other, 17.5 * half * other.spacing, {half, half, 0},
+                                              18 * other.spacing / half * 8 * other.spacing);
+      std::printf("work of separation over G, horizon %s, corrected %s: %.3f across a face, %.3f across a diagonal\n", horizon,
+                  correction, straight, diagonal);
+      EXPECT_NEAR(straight, 1, corrected ? tolerance : 0.17);
+      EXPECT_NEAR(diagonal, 1, tolerance);
+    }
+  }
+  // The dilatation that opens with the crack takes part: s_c knows of it, in space and in the plane.
+  Points sheet = Points::box(8, 60, 1);
+  sheet.dimension = 2;
+  sheet.volume.assign(sheet.size(), sheet.spacing * sheet.spacing);
+  for (const double bulk : {mu, 3 * mu}) {
+    const Texts parameters = {{"shear_modulus", text(mu)}, {"bulk_modulus", text(bulk)}, {"horizon", "3.015"}};
+    const double space = separation_work(parameters, block, 3.5 * block.spacing, {1, 0, 0}, side * side);
+    const double plane = separation_work(parameters, sheet, 3.5 * sheet.spacing, {1, 0, 0}, 60 * sheet.spacing);
+    std::printf("the same with kappa = %.2f mu: %.3f, in plane strain %.3f\n", bulk / mu, space, plane);
+    EXPECT_NEAR(space, 1, 0.04);
+    EXPECT_NEAR(plane, 1, 0.04);
+  }
+}
+
+/// A strip in plane strain, held at its long edges and pulled apart, with a notch from one end to its middle. The notch grows
+/// where the energy that is ahead of it and not behind, M eps^2/2 times the height, is G [Rivlin & Thomas 1953], M = 3 mu the
+/// modulus without contraction. Returns the strain at which it does, over that.
+double critical_strain(double spacing, double horizon, double G) {
+  const double height = 0.32, width = 0.8;
+  const int nx = int(std::lround(width / spacing)), ny = int(std::lround(height / spacing)), grip = int(std::ceil(horizon));
+  Points strip = Points::box(nx, ny + 2 * grip, 1, {spacing / 2, (0.5 - ny / 2 - grip) * spacing, 0}, spacing);
+  strip.dimension = 2;
+  strip.volume.assign(strip.size(), spacing * spacing);
+  const double expected = std::sqrt(2 * G / (3 * mu * height)), notch = 0.4;
+  Specimen solid(Texts{{"shear_modulus", text(mu)},
+                       {"bulk_modulus", text(quarter)},
+                       {"horizon", text(horizon)},
+                       {"energy_release_rate", text(G)},
+                       {"contact_distance", "0"},
+                       {"air_damping", text(0.05 * spacing / 0.02)},
+                       {"initial_crack", "[-1, 0, -1,  " + text(1 + notch) + ", 0, 0,  0, 0, 2]"}});
+  solid.add(strip);
+  const double step = 0.9 * solid.stable_step();
+  double strain = 0;
+  solid.handle = [&](std::size_t, std::size_t i, Point& x, Point& v) {
+    x = strip.at(i);
+    if (std::abs(x[1]) < height / 2) return false;
+    x[1] += std::copysign(strain * height / 2, x[1]);
+    v = {};
+    return true;
+  };
+  const auto tip = [&] {
+    const auto phi = solid.field("damage");
+    double x = 0;
+    for (std::size_t i = 0; i < strip.size(); ++i)
+      if (phi[i] > 0.3) x = std::max(x, strip.at(i)[0]);
+    return x;
+  };
+  // A wave goes up and down some hundred times until the load is reached.
+  const double increment = expected / (3000 * 0.02 / spacing);
+  for (; strain < 1.6 * expected && tip() < notch + 0.06; strain += 10 * increment) solid.step(step, 10);
+  return strain / expected;
+}
+
+TEST(PeridynamicNotch, GrowsAtTheLoadThatItsEnergyAsksFor) {
+  const auto ratio = [](double delta, double m) {
+    const double r = critical_strain(delta / m, m, 3);
+    std::printf("delta = %.2f m, %.3f spacings: the notch grows at %.3f of the strain\n", delta, m, r);
+    return r;
+  };
+  // Fewer points per horizon hold the crack longer between the rows of a lattice; with more it comes down to 1.
+  const double coarse = ratio(0.06, 2.015), usual = ratio(0.06, 3.015), fine = ratio(0.06, 4.015);
+  EXPECT_GT(coarse, usual);
+  EXPECT_GT(usual, fine);
+  EXPECT_NEAR(usual, 1, 0.22);
+  EXPECT_NEAR(fine, 1, 0.13);
+  // With as many points per horizon the load does not depend on the horizon, if that is small.
+  EXPECT_NEAR(ratio(0.12, 3.015), usual, 0.06);
+  EXPECT_NEAR(ratio(0.03, 3.015), usual, 0.03);
+}
+
+}  // namespace
+}  // namespace cleave::test
