@@ -67,8 +67,22 @@ std::string laws_of(const Material& material) {
   return text;
 }
 
+/// "2180 tetrahedra, 604 vertices, edges of 0.04 to 0.1 m, dihedral angles of 39.8 to 100 degrees".
+std::string summary_of(const scene::TetrahedralMesh& mesh) {
+  const auto m = scene::measure(mesh);
+  const double degrees = 180 / EIGEN_PI;
+  std::string text = fmt::format(
+      "{} tetrahedra, {} vertices, {:.4g} m^3, edges of {:.3g} to {:.3g} m, dihedral angles of {:.3g} to "
+      "{:.3g} degrees",
+      mesh.tetrahedra.size(), mesh.vertices.size(), m.volume, m.shortest_edge, m.longest_edge, m.least_dihedral_angle * degrees,
+      m.greatest_dihedral_angle * degrees);
+  if (m.pieces > 1) text += fmt::format(", in {} pieces", m.pieces);
+  return text;
+}
+
 struct Estimate {
-  std::vector<double> particles;  ///< by body
+  std::vector<double> particles;    ///< by body
+  std::vector<std::string> meshes;  ///< by body, empty without tetrahedra
   double cells = 0;
   std::vector<std::string> errors;
 };
@@ -84,9 +98,19 @@ Estimate estimate(const Scene& scene) {
   };
   for (const Body& body : scene.bodies) {
     double particles = 0;
-    attempt(body.where, [&] { particles = estimate_particles(scene, body); });
+    std::string mesh;
+    attempt(body.where, [&] {
+      if (!body.tetrahedra) {
+        particles = estimate_particles(scene, body);
+        result.cells += particles / body.sampling.particles_per_cell;
+      } else {
+        const auto built = scene::build_tetrahedra(*body.tetrahedra, body.shape ? &*body.shape : nullptr);
+        particles = double(built.tetrahedra.size());
+        mesh = summary_of(built);
+      }
+    });
     result.particles.push_back(particles);
-    result.cells += particles / body.sampling.particles_per_cell;
+    result.meshes.push_back(mesh);
   }
   for (const auto& collider : scene.colliders)
     attempt(collider.where, [&] { scene::build_shape(collider.shape, scene.simulation.cell_size); });
@@ -105,8 +129,11 @@ void print_summary(const Scene& scene, const Estimate& estimate) {
   for (const Material& material : scene.materials)
     fmt::print("  material {}: {:g} kg/m^3, {}\n", material.name, material.density, laws_of(material));
   for (std::size_t i = 0; i < scene.bodies.size(); ++i)
-    fmt::print("  body {}: {}, about {} particles\n", scene.bodies[i].name, scene.bodies[i].material,
-               rounded(estimate.particles[i]));
+    if (estimate.meshes[i].empty())
+      fmt::print("  body {}: {}, about {} particles\n", scene.bodies[i].name, scene.bodies[i].material,
+                 rounded(estimate.particles[i]));
+    else
+      fmt::print("  body {}: {}, {}\n", scene.bodies[i].name, scene.bodies[i].material, estimate.meshes[i]);
   for (const auto& collider : scene.colliders)
     fmt::print("  collider {}{}\n", collider.name, collider.motion.at_rest() ? "" : ", moving");
   for (const auto& handle : scene.handles)

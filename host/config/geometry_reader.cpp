@@ -61,6 +61,14 @@ void read_half_space(TableReader& table, ShapeSpec& shape) {
     if (const auto normal = table.direction("normal")) shape.axis = *normal;
 }
 
+void read_size_and_center(TableReader& table, ShapeSpec& shape) {
+  shape.file_size = table.number("file_size", "m", Range::not_negative()).value_or(0);
+  const bool has_center = table.has("center");
+  shape.centered = table.boolean("centered").value_or(has_center);
+  if (has_center && !shape.centered) table.refuse("center", "is only used with centered = true");
+  read_center(table, shape);
+}
+
 void read_file_shape(TableReader& table, ShapeSpec& shape) {
   const bool mesh = shape.type == ShapeSpec::Type::mesh;
   if (table.require("file", mesh ? "a mesh of type .obj, .ply or .stl" : "a level set of type .vdb"))
@@ -68,11 +76,7 @@ void read_file_shape(TableReader& table, ShapeSpec& shape) {
             table.file("file", mesh ? std::vector<std::string>{".obj", ".ply", ".stl"} : std::vector<std::string>{".vdb"}))
       shape.file = *file;
   if (!mesh) shape.grid = table.text("grid").value_or("");
-  shape.file_size = table.number("file_size", "m", Range::not_negative()).value_or(0);
-  const bool has_center = table.has("center");
-  shape.centered = table.boolean("centered").value_or(has_center);
-  if (has_center && !shape.centered) table.refuse("center", "is only used with centered = true");
-  read_center(table, shape);
+  read_size_and_center(table, shape);
 }
 
 std::optional<ShapeSpec> read_shape_at(TableReader table, int depth);
@@ -136,6 +140,12 @@ void read_rotate(TableReader& table, ShapeSpec& shape) {
   rotate.finish();
 }
 
+void read_transform(TableReader& table, ShapeSpec& shape) {
+  read_scale(table, shape);
+  read_rotate(table, shape);
+  if (const auto translation = table.vector("translate", point_form())) shape.translation = *translation;
+}
+
 std::optional<ShapeSpec> read_shape_at(TableReader table, int depth) {
   if (depth > deepest_shape) {
     table.error(table.where(), "shapes are nested more than " + std::to_string(deepest_shape) + " deep");
@@ -181,9 +191,7 @@ std::optional<ShapeSpec> read_shape_at(TableReader table, int depth) {
       read_children(table, shape, depth);
       break;
   }
-  read_scale(table, shape);
-  read_rotate(table, shape);
-  if (const auto translation = table.vector("translate", point_form())) shape.translation = *translation;
+  read_transform(table, shape);
   table.finish();
   return shape;
 }
@@ -214,6 +222,11 @@ const std::vector<std::string>& shape_names() {
   static const std::vector<std::string> names = {"box",        "sphere", "cylinder",  "capsule", "torus",      "tube",
                                                  "half-space", "mesh",   "level-set", "union",   "difference", "intersection"};
   return names;
+}
+
+void read_place_of_file(TableReader& table, ShapeSpec& file) {
+  read_size_and_center(table, file);
+  read_transform(table, file);
 }
 
 std::optional<ShapeSpec> read_shape(TableReader table) { return read_shape_at(std::move(table), 1); }

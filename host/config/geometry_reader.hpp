@@ -7,6 +7,9 @@ namespace cleave::config {
 /// { type = "sphere", center = [..], radius = .. }: a shape tree. Empty if it cannot be used; the reasons are reported.
 std::optional<scene::ShapeSpec> read_shape(TableReader);
 
+/// Where and how large the contents of a file are: file_size, centered, center, scale, rotate, translate.
+void read_place_of_file(TableReader&, scene::ShapeSpec&);
+
 /// { velocity, angular_velocity, center, start, end } or { center, keyframes }.
 scene::RigidMotion read_motion(TableReader);
 

@@ -5,6 +5,7 @@
 #include "scene/rigid_motion.hpp"
 #include "scene/sampling.hpp"
 #include "scene/shape.hpp"
+#include "scene/tetrahedra.hpp"
 #include "scene/variation.hpp"
 
 #include <filesystem>
@@ -96,8 +97,10 @@ struct Spin {
 struct Body {
   std::string name;
   std::string material;
-  std::optional<scene::ShapeSpec> shape;  ///< one of shape and particle_file
+  std::optional<scene::ShapeSpec> shape;  ///< one of shape, particle_file and a file of tetrahedra
   std::optional<std::filesystem::path> particle_file;
+  /// The body is cut into these, and its points are their barycentres: of its shape, or those of a file.
+  std::optional<scene::TetrahedraSpec> tetrahedra;
   scene::SamplingSpec sampling;
   Vector3 velocity = Vector3::Zero();
   Spin spin;

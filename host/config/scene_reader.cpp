@@ -5,6 +5,7 @@
 #include "config/geometry_reader.hpp"
 #include "config/law_reader.hpp"
 #include "config/overrides.hpp"
+#include "config/tetrahedra_reader.hpp"
 
 #include <algorithm>
 #include <cmath>
@@ -188,6 +189,7 @@ struct ReadMaterial {
   bool has_damage = false;      ///< the file gives a damage law, usable or not
   bool discretized = false;     ///< the file gives a discretization, usable or not
   bool elastic = true;          ///< there may be an elastic law
+  bool tetrahedral = false;     ///< its discretization steps bodies of tetrahedra alone
   bool fibers_refused = false;  ///< its own or a body's cannot be used
 };
 
@@ -225,7 +227,11 @@ ReadMaterial read_material(TableReader table, Names& names) {
     for (const char* key : {"plasticity", "damage", "constraint"})
       table.refuse(key, "cannot be given together with 'discretization', a plugin that steps the bodies as a whole");
     if (const auto* plugin = material.discretization ? table.context().catalog.find(material.discretization->id) : nullptr) {
-      read.elastic = (plugin->capabilities_with(material.discretization->parameters) & CLEAVE_NEEDS_ELASTICITY) != 0;
+      const std::uint64_t capabilities = plugin->capabilities_with(material.discretization->parameters);
+      read.elastic = (capabilities & CLEAVE_NEEDS_ELASTICITY) != 0;
+      read.tetrahedral = (capabilities & CLEAVE_NEEDS_TETRAHEDRA) != 0;
+      if (read.tetrahedral && table.context().dimension == 2)
+        table.error_at("discretization", "'" + plugin->id + "' steps tetrahedra, which need a scene of dimension = 3");
       if (read.elastic)
         table.require("elasticity", "the law that '" + plugin->id + "' evaluates, as { plugin = \"split-neo-hookean\", ... }");
       else
@@ -301,6 +307,44 @@ Spin read_spin(TableReader table) {
   return spin;
 }
 
+/// Whether the body's tetrahedra, if it is to have any, can be used.
+void read_tetrahedra_of(TableReader& table, Body& body, const ReadMaterial* material) {
+  auto reader = table.table("tetrahedra", "'tetrahedra' of " + table.what());
+  if (!reader) return;
+  if (table.context().dimension == 2)
+    table.error_at("tetrahedra", "'tetrahedra' fill space; a scene of dimension 2 (plane strain) has none, use dimension = 3");
+  else if (material && !material->discretized)
+    table.refuse("tetrahedra",
+                 "has no effect: the material point method fills a shape with particles; only a 'discretization' "
+                 "plugin of the material takes tetrahedra");
+  body.tetrahedra = read_tetrahedra(std::move(*reader));
+  for (const char* key : {"particles_per_cell", "sampling", "jitter", "seed"})
+    table.refuse(key, "has no meaning for tetrahedra: the points are their barycentres");
+}
+
+/// What a body is made of: particles that fill a shape or come from a file, or the tetrahedra of a shape or of a file.
+void read_contents(TableReader& table, Body& body, const ReadMaterial* material) {
+  const bool has_shape = table.has("shape"), has_particles = table.has("particles"), has_tetrahedra = table.has("tetrahedra");
+  read_tetrahedra_of(table, body, material);
+  const bool from_file = body.tetrahedra && body.tetrahedra->file;
+  if (has_tetrahedra && has_particles)
+    table.refuse("particles", "cannot be given together with 'tetrahedra', whose barycentres are the points");
+  else if (has_shape && has_particles)
+    table.refuse("particles", "cannot be given together with 'shape'");
+  else if (has_shape && from_file)
+    table.refuse("shape", "cannot be given together with the 'file' of 'tetrahedra', which is the shape");
+  else if (!has_shape && has_tetrahedra && body.tetrahedra && !from_file)
+    table.error(table.where(), table.what() + " needs 'shape', a table, for 'tetrahedra' to be cut of, or a 'file' of them");
+  else if (!has_shape && !has_particles && !has_tetrahedra)
+    table.error(table.where(), table.what() + " needs 'shape', a table, or 'particles', a CSV file");
+  if (!has_tetrahedra && material && material->tetrahedral)
+    table.error(table.where(), table.what() + " needs tetrahedra: '" + material->material.discretization->id +
+                                   "' steps nothing else; add tetrahedra = { edge_length = ... } or { file = \"...\" }");
+  if (auto shape = table.table("shape", "shape")) body.shape = read_shape(std::move(*shape));
+  if (!has_shape) body.particle_file = table.file("particles", {".csv"});
+  if (!has_tetrahedra) read_sampling(table, body);
+}
+
 Body read_body(TableReader table, Names& names, const Names& materials, std::vector<ReadMaterial>& read_materials) {
   Body body;
   body.where = table.where();
@@ -309,35 +353,24 @@ Body read_body(TableReader table, Names& names, const Names& materials, std::vec
     body.material = table.text("material").value_or("");
     if (!body.material.empty()) materials.check(table, "material", body.material);
   }
-  const bool has_shape = table.has("shape"), has_particles = table.has("particles");
-  if (has_shape && has_particles)
-    table.refuse("particles", "cannot be given together with 'shape'");
-  else if (!has_shape && !has_particles)
-    table.error(table.where(), table.what() + " needs 'shape', a table, or 'particles', a CSV file");
-  if (auto shape = table.table("shape", "shape")) body.shape = read_shape(std::move(*shape));
-  if (!has_shape) body.particle_file = table.file("particles", {".csv"});
-  read_sampling(table, body);
+  const auto of_body = [&](const ReadMaterial& read) { return !body.material.empty() && read.material.name == body.material; };
+  const auto found = std::find_if(read_materials.begin(), read_materials.end(), of_body);
+  ReadMaterial* const material = found != read_materials.end() ? &*found : nullptr;
+  read_contents(table, body, material);
   if (const auto velocity = table.vector("velocity", {.unit = "m/s", .planar = true})) body.velocity = *velocity;
   if (auto spin = table.table("spin", "'spin' of " + table.what())) body.spin = read_spin(std::move(*spin));
-  const auto discretized = std::any_of(read_materials.begin(), read_materials.end(), [&](const ReadMaterial& read) {
-    return read.discretized && !body.material.empty() && read.material.name == body.material;
-  });
-  const auto lawless = std::any_of(read_materials.begin(), read_materials.end(), [&](const ReadMaterial& read) {
-    return !read.elastic && !body.material.empty() && read.material.name == body.material;
-  });
   bool fibers_refused = false;
-  if (lawless)
+  if (material && !material->elastic)
     refuse_fibers(table);
   else
     body.fibers = read_fibers_of(table, fibers_refused);
   if (auto toughness = table.table("toughness", "'toughness' of " + table.what()))
     body.toughness = read_variation(std::move(*toughness));
-  for (ReadMaterial& read : read_materials) {
-    if (read.material.name != body.material || body.material.empty()) continue;
-    read.fibers_refused = read.fibers_refused || fibers_refused;
-    if (discretized)
+  if (material) {
+    material->fibers_refused = material->fibers_refused || fibers_refused;
+    if (material->discretized)
       table.refuse("toughness", "has no effect: a discretization plugin is not given a variation of the toughness");
-    else if (!read.has_damage)
+    else if (!material->has_damage)
       table.refuse("toughness", "varies the toughness of a damage law, which material '" + body.material +
                                     "' does not have; add to it: damage = { plugin = ... }");
   }

@@ -3,6 +3,7 @@
 #include "config/angles.hpp"
 #include "config/field_reader.hpp"
 #include "config/geometry_reader.hpp"
+#include "config/tetrahedra_reader.hpp"
 #include "plugins/parameters.hpp"
 
 #include <cmath>
@@ -77,6 +78,20 @@ std::string rotation(const Vector3& angle, int dimension) {
   return dimension == 2 ? number(degrees(angle.z())) : vector(degrees(angle));
 }
 
+void add_place_of_file(InlineTable& table, const ShapeSpec& file) {
+  table.add("file_size", number(file.file_size)).add("centered", file.centered ? "true" : "false");
+  if (file.centered) table.add("center", vector(file.center));
+}
+
+void add_transform(InlineTable& table, const ShapeSpec& shape) {
+  if (shape.scale != Vector3::Ones()) table.add("scale", vector(shape.scale));
+  if (shape.rotation != Matrix3::Identity()) {
+    const Eigen::Matrix<double, 3, 3, Eigen::RowMajor> rows = shape.rotation;
+    table.add("rotate", InlineTable().add("matrix", list(std::vector<double>(rows.data(), rows.data() + 9), number)).text());
+  }
+  if (!shape.translation.isZero(0)) table.add("translate", vector(shape.translation));
+}
+
 std::string shape_text(const ShapeSpec& shape) {
   using Type = ShapeSpec::Type;
   InlineTable table;
@@ -106,8 +121,7 @@ std::string shape_text(const ShapeSpec& shape) {
     case Type::level_set:
       table.add("file", quoted(shape.file.string()));
       if (shape.type == Type::level_set) table.add("grid", quoted(shape.grid));
-      table.add("file_size", number(shape.file_size)).add("centered", shape.centered ? "true" : "false");
-      if (shape.centered) table.add("center", vector(shape.center));
+      add_place_of_file(table, shape);
       break;
     case Type::set_union:
     case Type::difference:
@@ -115,12 +129,20 @@ std::string shape_text(const ShapeSpec& shape) {
       table.add("shapes", list(shape.children, shape_text));
       break;
   }
-  if (shape.scale != Vector3::Ones()) table.add("scale", vector(shape.scale));
-  if (shape.rotation != Matrix3::Identity()) {
-    const Eigen::Matrix<double, 3, 3, Eigen::RowMajor> rows = shape.rotation;
-    table.add("rotate", InlineTable().add("matrix", list(std::vector<double>(rows.data(), rows.data() + 9), number)).text());
+  add_transform(table, shape);
+  return table.text();
+}
+
+std::string tetrahedra_text(const scene::TetrahedraSpec& tetrahedra) {
+  InlineTable table;
+  if (tetrahedra.file) {
+    table.add("file", quoted(tetrahedra.file->file.string()));
+    add_place_of_file(table, *tetrahedra.file);
+    add_transform(table, *tetrahedra.file);
+  } else {
+    table.add("edge_length", number(tetrahedra.edge_length))
+        .add("method", quoted(method_names()[std::size_t(tetrahedra.method)]));
   }
-  if (!shape.translation.isZero(0)) table.add("translate", vector(shape.translation));
   return table.text();
 }
 
@@ -240,8 +262,9 @@ void write_body(std::ostream& out, const Body& body, int dimension) {
       << "material = " << quoted(body.material) << "\n";
   if (body.shape) out << "shape = " << shape_text(*body.shape) << "\n";
   if (body.particle_file) out << "particles = " << quoted(body.particle_file->string()) << "\n";
-  out << "particles_per_cell = " << sampling.particles_per_cell << "\n";
-  if (body.shape) {
+  if (body.tetrahedra) out << "tetrahedra = " << tetrahedra_text(*body.tetrahedra) << "\n";
+  if (!body.tetrahedra) out << "particles_per_cell = " << sampling.particles_per_cell << "\n";
+  if (body.shape && !body.tetrahedra) {
     out << "sampling = " << quoted(patterns[std::size_t(sampling.pattern)]) << "\n";
     if (sampling.pattern == scene::SamplingPattern::jittered) out << "jitter = " << number(sampling.jitter) << "\n";
     out << "seed = " << sampling.seed << "\n";

@@ -13,7 +13,11 @@ SampledBody sample_body(const config::Scene& scene, const config::Body& body) {
   for (std::size_t m = 0; m < scene.materials.size(); m++)
     if (scene.materials[m].name == body.material) s.material = m;
   try {
-    if (body.shape) {
+    if (body.tetrahedra) {
+      s.mesh = scene::build_tetrahedra(*body.tetrahedra, body.shape ? &*body.shape : nullptr);
+      s.particles.positions = scene::barycentres(*s.mesh);
+      s.particles.volumes = scene::volumes(*s.mesh);
+    } else if (body.shape) {
       const auto shape = scene::build_shape(*body.shape, sim.cell_size / 2);
       s.particles = scene::sample(*shape, body.sampling, sim.cell_size, sim.dimension);
     } else {
