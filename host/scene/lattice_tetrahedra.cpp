@@ -209,9 +209,9 @@ class Stuffing {
   static bool is_long(std::size_t i, std::size_t j) { return (i < 2) == (j < 2); }
 
   void cut_tetrahedron(const std::array<Node, 4>& nodes) {
+    if (std::none_of(nodes.begin(), nodes.end(), [&](Node n) { return side_[n] > 0; })) return;
     std::vector<std::size_t> inner, outer, on;
     for (std::size_t i = 0; i < 4; i++) (side_[nodes[i]] > 0 ? inner : side_[nodes[i]] < 0 ? outer : on).push_back(i);
-    if (inner.empty()) return;
     const auto node = [&](std::size_t i) { return Vertex{nodes[i], nodes[i]}; };
     const auto cut_of = [&](std::size_t i, std::size_t o) {
       return Vertex{std::min(nodes[i], nodes[o]), std::max(nodes[i], nodes[o])};

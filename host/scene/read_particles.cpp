@@ -186,7 +186,6 @@ ParticleSource read_particles(const std::filesystem::path& file, int dimension, 
           if (i != j && std::max(i, j) == 2) require_in_plane(columns.deformation[i][j]);
         }
       }
-      if (!(F.determinant() > 0)) lines.fail("columns F00 to F22: the deformation gradient must have a positive determinant");
       particles.deformation.push_back(F);
     }
     for (std::size_t s = 0; s < states.size(); ++s)

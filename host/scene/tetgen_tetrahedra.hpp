@@ -6,13 +6,13 @@
 
 namespace cleave::scene {
 
-/// Whether the module around TetGen is installed; `reason` says where it was looked for if it is not.
-bool tetgen_available(std::string* reason = nullptr);
+/// Whether the program around TetGen is installed.
+bool tetgen_available();
 
 /// Fills what closed surfaces bound with tetrahedra by TetGen, keeping the surfaces' triangles or parts of them; none has more
 /// than the volume of a regular tetrahedron with edges of `edge_length` (m). What `shape` does not hold, such as cavities, is
 /// left out. Throws InputError beginning with `name` if the surfaces are not closed (but for small holes) or intersect, and if
-/// the module is not installed.
+/// the program is not installed.
 TetrahedralMesh tetgen_tetrahedra(const TriangleMesh& surfaces, const SignedDistance& shape, double edge_length,
                                   const std::string& name);
 

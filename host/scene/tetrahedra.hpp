@@ -11,7 +11,7 @@ namespace cleave::scene {
 struct TetrahedraSpec {
   enum class Method {
     lattice,  ///< of a body-centred cubic lattice, cut along the surface
-    tetgen    ///< Delaunay tetrahedra by TetGen, if its module is installed
+    tetgen    ///< Delaunay tetrahedra by TetGen, if the program around it is installed
   };
   std::optional<ShapeSpec> file;  ///< of type mesh: a file of tetrahedra, and its place; empty: the body's shape
   Method method = Method::lattice;

@@ -126,6 +126,8 @@ std::int64_t CommentedText::whole(std::string_view word, const char* what, std::
   const auto [end, error] = std::from_chars(word.data(), word.data() + word.size(), value);
   if (error == std::errc::invalid_argument || end != word.data() + word.size())
     fail(fmt::format("expected {}, a whole number, found {}", what, shown(word)));
+  if (least == greatest && (error != std::errc() || value != least))
+    fail(fmt::format("{} must be {}, is {}", what, least, shown(word)));
   if (error != std::errc() || value < least || value > greatest)
     fail(fmt::format("{} must be from {} to {}, is {}", what, least, greatest, shown(word)));
   return value;
