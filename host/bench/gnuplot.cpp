@@ -57,15 +57,31 @@ std::string gnuplot_text(const std::string& text) {
   return '"' + escaped + '"';
 }
 
-std::string draw_svg(const std::string& script_text) {
+namespace {
+
+std::string output_of(const std::string& script_text) {
   const TemporaryFile script(script_text);
   std::FILE* gnuplot = popen(("gnuplot '" + script.path() + "'").c_str(), "r");
   if (!gnuplot) throw InputError("gnuplot cannot be started");
-  std::string svg;
+  std::string drawn;
   char buffer[4096];
-  for (std::size_t n; (n = std::fread(buffer, 1, sizeof buffer, gnuplot)) > 0;) svg.append(buffer, n);
-  if (pclose(gnuplot) != 0 || svg.find("</svg>") == std::string::npos) throw InputError("gnuplot could not draw the chart");
+  for (std::size_t n; (n = std::fread(buffer, 1, sizeof buffer, gnuplot)) > 0;) drawn.append(buffer, n);
+  if (pclose(gnuplot) != 0) throw InputError("gnuplot could not draw the chart");
+  return drawn;
+}
+
+}  // namespace
+
+std::string draw_svg(const std::string& script) {
+  const std::string svg = output_of(script);
+  if (svg.find("</svg>") == std::string::npos) throw InputError("gnuplot could not draw the chart");
   return svg;
+}
+
+std::string draw_png(const std::string& script) {
+  const std::string png = output_of(script);
+  if (!png.starts_with("\x89PNG")) throw InputError("gnuplot could not draw the chart");
+  return png;
 }
 
 }  // namespace cleave::bench
