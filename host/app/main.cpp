@@ -4,6 +4,7 @@
 #include "app/plugins_command.hpp"
 #include "app/point_command.hpp"
 #include "app/run_command.hpp"
+#include "app/study_command.hpp"
 #include "app/validate_command.hpp"
 #include "common/error.hpp"
 #include "plugins/isa.hpp"
@@ -98,6 +99,11 @@ int main(int argc, char** argv) {
   app::add_check_options(*check_cli, check);
   check_cli->callback([&] { status = app::check_command(check); });
 
+  app::StudyOptions study;
+  auto* study_cli = cli.add_subcommand("study", "Speed against accuracy, and maps of stability, over many runs of a scene");
+  app::add_study_options(*study_cli, study);
+  study_cli->callback([&] { status = app::study_command(study, registry()); });
+
   app::NewPluginOptions project;
   auto* new_plugin_cli = cli.add_subcommand("new-plugin", "Write a project for a plugin: source, tests, scene and build");
   new_plugin_cli->add_option("kind", project.kind, "elasticity, plasticity, damage, constraint or discretization")->required();
@@ -106,7 +112,7 @@ int main(int argc, char** argv) {
   new_plugin_cli->callback([&] { status = app::new_plugin_command(project); });
 
   // Before the name of a command or after it; options take effect before any command runs.
-  for (CLI::App* command : {&cli, run_cli, point_cli, bench_cli, kernels_cli, steps_cli, check_cli})
+  for (CLI::App* command : {&cli, run_cli, point_cli, bench_cli, kernels_cli, steps_cli, check_cli, study_cli})
     command->add_option_function<std::string>("--isa", plugins::force_isa,
                                               "Instruction set of kernels and plugins: x86-64-v2, x86-64-v3 or x86-64-v4 "
                                               "(default: the best one that CLEAVE_ISA or the processor allows)");
