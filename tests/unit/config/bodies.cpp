@@ -51,5 +51,37 @@ TEST(SampledBody, NamesTheBodyWhoseFibersCannotBeLaid) {
   }
 }
 
+TEST(SampledBody, OfTetrahedraHasTheirBarycentresForPoints) {
+  const auto file = std::filesystem::path(CLEAVE_SOURCE_DIR) / "tests/fixtures/configs/good/tetrahedra.toml";
+  const Scene scene = load_scene(file, {parse_override("body.1.tetrahedra.method=lattice")}, testing::FakeCatalog());
+  const auto bodies = mpm::sample_bodies(scene);
+  struct Volume {
+    double value, error;
+  };
+  const double ball = 4 * EIGEN_PI / 3 / 8;
+  const Volume volumes[] = {{0.125, 1e-12}, {ball, 0.1 * ball}, {1.0 / 64 * 2, 1e-12}};  // the wedge's file has 1 m^3
+  for (std::size_t b = 0; b < bodies.size(); b++) {
+    const auto& body = bodies[b];
+    ASSERT_TRUE(body.mesh);
+    const auto& [vertices, tetrahedra] = *body.mesh;
+    ASSERT_EQ(body.particles.positions.size(), tetrahedra.size());
+    ASSERT_EQ(body.vertex_velocities.size(), vertices.size());
+    double volume = 0;
+    for (std::size_t t = 0; t < tetrahedra.size(); t++) {
+      const auto& [i, j, k, l] = tetrahedra[t];
+      const Vector3 centre = (vertices[i] + vertices[j] + vertices[k] + vertices[l]) / 4;
+      ASSERT_TRUE(body.particles.positions[t].isApprox(centre, 1e-14));
+      volume += body.particles.volumes[t];
+    }
+    EXPECT_NEAR(volume, volumes[b].value, volumes[b].error);
+  }
+  const auto& slab = bodies[0];
+  for (std::size_t v = 0; v < slab.mesh->vertices.size(); v++) {
+    const Vector3 arm = slab.mesh->vertices[v] - Vector3(0, 2, 0);
+    const Vector3 expected = Vector3(1, 0, 0) + EIGEN_PI / 2 * Vector3(-arm.y(), arm.x(), 0);
+    ASSERT_TRUE(slab.vertex_velocities[v].isApprox(expected, 1e-12));
+  }
+}
+
 }  // namespace
 }  // namespace cleave::config

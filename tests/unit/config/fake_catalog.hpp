@@ -56,6 +56,8 @@ class FakeCatalog : public PluginCatalog {
     for (auto& parameter : rankine.parameters) parameter.in_set = true;
     rankine.alternatives = {{{{"strength"}, {"toughness"}}, true}};
     add(rankine);
+
+    add(law(plugins::Kind::discretization, "cells", CLEAVE_DOUBLE | CLEAVE_NEEDS_ELASTICITY | CLEAVE_NEEDS_TETRAHEDRA));
   }
 
   const plugins::Description* find(std::string_view id) const override {

@@ -133,6 +133,25 @@ TEST(Toughness, HoldsWhatTheFileSays) {
   EXPECT_FALSE(scene.bodies[2].toughness);
 }
 
+TEST(Tetrahedra, HoldWhatTheFileSays) {
+  const Scene scene = load("tetrahedra.toml");
+  ASSERT_EQ(scene.bodies.size(), 3u);
+  using Method = scene::TetrahedraSpec::Method;
+  EXPECT_EQ(scene.bodies[0].tetrahedra->edge_length, 0.125);
+  EXPECT_EQ(scene.bodies[0].tetrahedra->method, Method::lattice);
+  EXPECT_FALSE(scene.bodies[0].tetrahedra->file);
+  EXPECT_EQ(scene.bodies[1].tetrahedra->method, Method::tetgen);
+  EXPECT_FALSE(scene.bodies[2].shape);
+  const ShapeSpec& file = *scene.bodies[2].tetrahedra->file;
+  EXPECT_EQ(file.file, folder.parent_path() / "files/wedge.mesh");
+  EXPECT_EQ(file.file_size, 0.5);
+  EXPECT_TRUE(file.centered);
+  EXPECT_EQ(file.center, Vector3(1, 2, 3));
+  EXPECT_EQ(file.scale, Vector3(1, 2, 1));
+  EXPECT_EQ(file.translation, Vector3(0, 0, -1));
+  EXPECT_EQ(scene.materials[0].elasticity.id, "elasticity/neo-hookean");
+}
+
 TEST(FlatScene, TakesVectorsOfTwoAndAnglesAboutZ) {
   const Scene scene = load("everything_2d.toml");
   EXPECT_EQ(scene.simulation.gravity, Vector3(0, -9.81, 0));

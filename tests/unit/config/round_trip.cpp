@@ -124,6 +124,7 @@ void expect_equal(const Scene& a, const Scene& b) {
     expect_equal(m.plasticity, n.plasticity);
     expect_equal(m.damage, n.damage);
     expect_equal(m.constraint, n.constraint);
+    expect_equal(m.discretization, n.discretization);
     expect_equal(m.fibers, n.fibers);
   }
   ASSERT_EQ(a.bodies.size(), b.bodies.size());
@@ -133,6 +134,12 @@ void expect_equal(const Scene& a, const Scene& b) {
     EXPECT_EQ(m.material, n.material);
     expect_equal(m.shape, n.shape);
     EXPECT_EQ(m.particle_file, n.particle_file);
+    ASSERT_EQ(m.tetrahedra.has_value(), n.tetrahedra.has_value());
+    if (m.tetrahedra) {
+      expect_equal(m.tetrahedra->file, n.tetrahedra->file);
+      EXPECT_EQ(m.tetrahedra->method, n.tetrahedra->method);
+      EXPECT_EQ(m.tetrahedra->edge_length, n.tetrahedra->edge_length);
+    }
     EXPECT_EQ(m.sampling.pattern, n.sampling.pattern);
     EXPECT_EQ(m.sampling.particles_per_cell, n.sampling.particles_per_cell);
     EXPECT_EQ(m.sampling.jitter, n.sampling.jitter);
@@ -183,7 +190,7 @@ TEST_P(RoundTrip, WrittenSceneReadsBackToTheBit) {
 
 INSTANTIATE_TEST_SUITE_P(Scenes, RoundTrip,
                          ::testing::Values("minimal.toml", "everything_3d.toml", "everything_2d.toml", "odd_but_valid.toml",
-                                           "fields_3d.toml", "fields_2d.toml"));
+                                           "fields_3d.toml", "fields_2d.toml", "tetrahedra.toml"));
 
 TEST(RoundTrip, KeepsAwkwardNumbersAndPaths) {
   const testing::FakeCatalog catalog;
