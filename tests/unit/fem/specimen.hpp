@@ -143,7 +143,8 @@ struct NeoHookean : Law {
   bool defined(const Tensor& F) const override { return determinant(F) > 0; }
   double wave_modulus(const Tensor& F) const override {
     const auto C = symmetric_eigen(right_cauchy_green(F));
-    return mu + std::max(mu + lambda - lambda * std::log(determinant(F)), 0.0) / std::min({C.values[0], C.values[1], C.values[2]});
+    return mu +
+           std::max(mu + lambda - lambda * std::log(determinant(F)), 0.0) / std::min({C.values[0], C.values[1], C.values[2]});
   }
 };
 
@@ -177,6 +178,44 @@ struct Tets {
             if (o >= 3) std::swap(c[2], c[3]);
             body.tetrahedra.insert(body.tetrahedra.end(), c, c + 4);
           }
+    return body;
+  }
+
+  /// nx x ny x nz cells, cut into tetrahedra about the lines from centre to centre, and at the sides to those of the faces.
+  static Tets body_centred(int nx, int ny, int nz, const Point& cell, const Point& corner = {}) {
+    Tets body;
+    std::map<std::array<int, 3>, std::uint32_t> numbers;  // of places in halves of a cell
+    const auto vertex = [&](const std::array<int, 3>& place) {
+      const auto [at, is_new] = numbers.emplace(place, std::uint32_t(body.size()));
+      for (std::size_t a = 0; is_new && a < 3; ++a) body.vertices.push_back(corner[a] + 0.5 * cell[a] * place[a]);
+      return at->second;
+    };
+    const int n[3] = {nx, ny, nz};
+    for (int i = 0; i < nx; ++i)
+      for (int j = 0; j < ny; ++j)
+        for (int k = 0; k < nz; ++k)
+          for (std::size_t axis = 0; axis < 3; ++axis)
+            for (const int side : {-1, 1}) {
+              const std::array<int, 3> centre = {2 * i + 1, 2 * j + 1, 2 * k + 1};
+              auto other = centre, p = centre, q = centre;
+              const bool outside = centre[axis] + 2 * side < 0 || centre[axis] + 2 * side > 2 * n[axis];
+              if (!outside && side < 0) continue;  // the other cell has it
+              other[axis] += outside ? side : 2 * side;
+              p[axis] += side;
+              q[axis] += side;
+              const std::size_t b = (axis + 1) % 3, c = (axis + 2) % 3;
+              constexpr int round[5][2] = {{-1, -1}, {1, -1}, {1, 1}, {-1, 1}, {-1, -1}};
+              for (int e = 0; e < 4; ++e) {
+                p[b] = centre[b] + round[e][0];
+                p[c] = centre[c] + round[e][1];
+                q[b] = centre[b] + round[e + 1][0];
+                q[c] = centre[c] + round[e + 1][1];
+                std::uint32_t corners[4] = {vertex(centre), vertex(other), vertex(p), vertex(q)};
+                if (side < 0) std::swap(corners[2], corners[3]);
+                body.tetrahedra.insert(body.tetrahedra.end(), corners, corners + 4);
+              }
+            }
+    body.velocity.resize(body.vertices.size());
     return body;
   }
 
@@ -218,7 +257,8 @@ class Specimen {
             std::make_unique<testkit::Instance>(library(plugin), testkit::read_settings(library(plugin).schema(), parameters))),
         table_(*static_cast<const cleave_discretization*>(library(plugin).kind_table())) {}
 
-  Specimen& add(const Tets& tets, const Law* law = nullptr) {
+  Specimen& add(const Tets& tets, const Law* law) { return add(tets, law ? law->table() : nullptr); }
+  Specimen& add(const Tets& tets, const cleave_elastic_response* elasticity = nullptr) {
     std::vector<double> position, velocity, volume;
     double sum = 0;
     for (std::size_t t = 0; t < tets.points(); ++t) {
@@ -249,7 +289,7 @@ class Specimen {
     body.tetrahedron_count = tets.points();
     body.tetrahedra = tets.tetrahedra.data();
     body.vertex_velocity = tets.velocity.data();
-    body.elasticity = law ? law->table() : nullptr;
+    body.elasticity = elasticity;
     testkit::Words words;
     if (table_.add_body(instance_->handle(), &body, &words.message) != CLEAVE_OK) throw std::runtime_error(words.said());
     rest_.push_back(tets);
