@@ -10,6 +10,7 @@
 #include <fmt/format.h>
 
 #include <algorithm>
+#include <charconv>
 #include <cmath>
 #include <limits>
 #include <map>
@@ -57,6 +58,12 @@ void find_front(const Study& study, Results& results) {
   for (const std::size_t i : pareto_front(costs, errors)) results.rows[i].on_front = true;
 }
 
+bool is_number(const std::string& text) {
+  double value;
+  const auto [end, problem] = std::from_chars(text.data(), text.data() + text.size(), value);
+  return problem == std::errc() && end == text.data() + text.size();
+}
+
 /// One for each combination of values of all axes but the one that lines follow.
 void find_series(const Study& study, const Plan& plan, Results& results) {
   std::map<std::vector<std::size_t>, std::size_t> index;
@@ -68,7 +75,7 @@ void find_series(const Study& study, const Plan& plan, Results& results) {
       const Axis& axis = study.axes[a];
       const std::string& value = axis.values[at[a]].label;
       label += (label.empty() ? "" : ", ") +
-               (axis.numeric() ? fmt::format("{} {}{}{}", axis.name, value, axis.unit.empty() ? "" : " ", axis.unit) : value);
+               (is_number(value) ? fmt::format("{} {}{}{}", axis.name, value, axis.unit.empty() ? "" : " ", axis.unit) : value);
     }
     if (study.along) at[*study.along] = 0;
     const auto [entry, is_new] = index.emplace(at, results.series.size());

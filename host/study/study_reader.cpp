@@ -5,6 +5,8 @@
 #include "study/run_results.hpp"
 #include "study/study.hpp"
 
+#include <fmt/format.h>
+
 #include <algorithm>
 #include <cmath>
 #include <fstream>
@@ -57,7 +59,7 @@ std::string value_text(const toml::node& node) {
 /// A value as a reader of a chart wants to see it.
 std::string plain_text(const toml::node& node) {
   if (const auto* text = node.as_string()) return text->get();
-  if (const auto* number = node.as_floating_point()) return output::number(number->get());
+  if (const auto* number = node.as_floating_point()) return fmt::format("{}", number->get());
   return value_text(node);
 }
 
