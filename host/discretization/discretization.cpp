@@ -83,7 +83,7 @@ void Discretization::add(const config::Material& material, mpm::SampledBody& sam
   if (!source.deformation.empty())
     refuse("its particle file gives deformation gradients, which " + id + " cannot start from; leave out F00 to F22");
   if (instance_.can(CLEAVE_NEEDS_TETRAHEDRA) && !sampled.mesh)
-    refuse(id + " needs a body of tetrahedra; give it as 'tetrahedra', a mesh file or what is to be filled with them");
+    refuse(id + " needs tetrahedra; add to it: tetrahedra = { edge_length = ... }, in metres, or { file = ... }");
   Body body{sampled.name, source.volumes, nullptr};
   if (elasticity_) body.elasticity = std::make_unique<ElasticResponse>(elasticity_, sampled.name, std::move(sampled.fibers));
   double volume = 0;
