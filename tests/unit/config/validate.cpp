@@ -81,6 +81,35 @@ TEST_F(Validate, CountsParticlesOfAFile) {
   EXPECT_THAT(result.out, HasSubstr("body grains: jelly, about 3 particles"));
 }
 
+const std::string peridynamic =
+    "material.0={ name = \"jelly\", density = 1000, discretization = { plugin = \"peridynamics\", youngs_modulus = 1e5, "
+    "poissons_ratio = 0.3 } }";
+
+// Half tetrahedra at the surface, of a quarter cube's height: 45 degrees at their edge there, 90 beside it.
+TEST_F(Validate, MeasuresTetrahedra) {
+  const Result result = validate({peridynamic, "body.0.tetrahedra={ edge_length = 0.5 }"});
+  EXPECT_EQ(result.status, 0) << result.err;
+  EXPECT_THAT(result.out,
+              HasSubstr("  body block: jelly, 752 tetrahedra, 241 vertices, 6 m^3, edges of 0.25 to 0.5 m, dihedral "
+                        "angles of 45 to 90 degrees\n"));
+}
+
+TEST_F(Validate, CountsThePiecesOfTetrahedra) {
+  const Result result = validate({peridynamic, "body.0.tetrahedra={ edge_length = 0.5 }",
+                                  "body.0.shape={ type = \"union\", shapes = [{ type = \"sphere\", radius = 1 }, "
+                                  "{ type = \"sphere\", radius = 1, center = [5, 0, 0] }] }"});
+  EXPECT_EQ(result.status, 0) << result.err;
+  EXPECT_THAT(result.out, HasSubstr(" degrees, in 2 pieces\n"));
+}
+
+TEST_F(Validate, ReadsFilesOfTetrahedra) {
+  write("block.mesh", "MeshVersionFormatted 1\nDimension 3\nVertices 3\n0 0 0 0\n1 0 0 0\n0 1 0 0\nTetrahedra 1\n1 2 3 4 0\n");
+  const Result result =
+      validate({peridynamic, "body.0={ name = \"block\", material = \"jelly\", tetrahedra = { file = \"block.mesh\" } }"});
+  EXPECT_EQ(result.status, 2);
+  EXPECT_THAT(result.err, HasSubstr("block.mesh:8: a vertex of a tetrahedron must be from 1 to 3, is '4'\n"));
+}
+
 TEST_F(Validate, PrintsTheErrorsOfTheScene) {
   const Result result = validate({"simulation.cell_size=-1", "body.0.shape.radius=1"});
   EXPECT_EQ(result.status, 2);
