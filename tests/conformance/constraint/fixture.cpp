@@ -5,6 +5,7 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
+#include <cstdlib>
 #include <cstring>
 #include <map>
 #include <stdexcept>
@@ -111,6 +112,19 @@ struct CellFibers {
     return sum;
   }
 
+  /// Something to be kept from step to step.
+  std::uint64_t projections = 0;
+  std::vector<std::byte> save() const {
+    std::vector<std::byte> bytes(sizeof projections);
+    std::memcpy(bytes.data(), &projections, sizeof projections);
+    if (broken("saves_what_changes")) bytes[7] = std::byte(rand());
+    return bytes;
+  }
+  void restore(std::span<const std::byte> bytes) {
+    if (bytes.size() != sizeof projections && !broken("takes_any_state")) throw std::invalid_argument("no state of this law");
+    if (!broken("forgets_its_state")) std::memcpy(&projections, bytes.data(), std::min(bytes.size(), sizeof projections));
+  }
+
   cleave::ConstraintReport project(const cleave_constraint_system& s) {
     if (broken("reads_beyond_nodes") && s.velocity[s.dimension * s.node_count] == 1) return {};
     if (broken("writes_before_nodes")) s.velocity[-1] = 0;
@@ -154,7 +168,7 @@ struct CellFibers {
     if (report.residual > 0.5 && broken("says_nothing")) throw std::runtime_error("");
 
     static int calls = 0;
-    double scale = 1;
+    double scale = 1 + 1e-10 * double(++projections);
     if (broken("counts_calls")) scale += 1e-9 * ++calls;
     if (broken("goes_too_far")) scale = 1.001;
     const std::vector<double> correction = push(s, B, lambda);
@@ -181,7 +195,7 @@ cleave_result project_and_report_all(cleave_instance* instance, const cleave_con
 }
 
 const void* kind(const char* id) {
-  static constexpr cleave_constraint table{sizeof table, 0, &project_and_report_all};
+  static constexpr cleave_constraint table{sizeof table, 0, &project_and_report_all, nullptr, nullptr};
   return std::strcmp(id, CLEAVE_KIND_CONSTRAINT) == 0 ? &table : nullptr;
 }
 

@@ -290,6 +290,79 @@ void deterministic(Context& context) {
     });
 }
 
+using State = std::vector<unsigned char>;
+
+State saved(Context& context, const ConstraintInstance& instance) {
+  const cleave_constraint& table = instance.table();
+  State state(table.save(instance.handle(), nullptr, 0));
+  const Guarded memory(state);
+  const std::uint64_t written = table.save(instance.handle(), memory.data(), state.size());
+  if (written != state.size())
+    context.fail("save() writes " + std::to_string(written) + " bytes where it said " + std::to_string(state.size()));
+  if (!memory.intact_before()) context.fail("save() writes before its buffer");
+  return memory.values();
+}
+
+void checkpoint(Context& context) {
+  const Settings settings = context.settings().front();
+  for (const Block& block : blocks())
+    context.random_cases(1, [&](Random& random) {
+      const std::string what = described(block);
+      GridSystem system = random_block(random, block);
+      std::vector<GridSystem> steps;  // the same nodes and particles, as from step to step
+      for (int step = 0; step < 6; ++step) {
+        for (std::size_t i = 0; i < system.velocity.size(); ++i)
+          if (system.prescribed[i / std::size_t(block.dimension)] == 0) system.velocity[i] += random.uniform(-0.1, 0.1);
+        system.gather_gradients();
+        steps.push_back(system);
+      }
+      const auto play = [&](const ConstraintInstance& instance, std::size_t first, std::size_t last) {
+        std::vector<Projection> results;
+        for (std::size_t step = first; step < last; ++step) results.push_back(projected(context, instance, steps[step], what));
+        return results;
+      };
+      const ConstraintInstance instance(context.plugin(), settings, block.dimension);
+      const cleave_constraint& table = instance.table();
+      const bool offers = CLEAVE_HAS(cleave_constraint, &table, restore);
+      if (!offers || (!table.save && !table.restore)) context.skip("offers neither save() nor restore()");
+      if (!table.save || !table.restore) context.fail("offers one of save() and restore()");
+      play(instance, 0, 3);
+      context.doing("saving, after three steps of " + what);
+      const State state = saved(context, instance);
+      if (saved(context, instance) != state) context.fail("two save() of one state write different bytes, for " + what);
+      const auto expected = play(instance, 3, 6);
+      const auto restore = [&](const ConstraintInstance& to, const State& bytes, Words& words) {
+        const Guarded memory(bytes);
+        return table.restore(to.handle(), memory.read_only(), bytes.size(), &words.message);
+      };
+      const ConstraintInstance fresh(context.plugin(), settings, block.dimension);
+      for (const ConstraintInstance* other : {&instance, &fresh}) {
+        const std::string which = other == &fresh ? "a fresh instance" : "the instance that saved it";
+        context.doing("restoring " + which + ", for " + what);
+        Words words;
+        if (const cleave_result result = restore(*other, state, words); result != CLEAVE_OK)
+          context.fail("restore() refuses what save() wrote, with result " + std::to_string(result) + ": " + words.said());
+        if (saved(context, *other) != state) context.fail("restored into " + which + ", a state is saved as another one");
+        const auto results = play(*other, 3, 6);
+        for (std::size_t step = 0; step < results.size(); ++step)
+          if (!same_bits(results[step].velocity, expected[step].velocity) ||
+              results[step].report.iterations != expected[step].report.iterations)
+            context.fail("restored into " + which + ", step " + std::to_string(step + 1) + " has other bits, for " + what);
+      }
+      const auto refused = [&](const State& bytes, const std::string& which) {
+        const ConstraintInstance to(context.plugin(), settings, block.dimension);
+        context.doing("restoring " + which + ", for " + what);
+        Words words;
+        if (restore(to, bytes, words) == CLEAVE_OK) context.fail("restore() accepts " + which);
+        if (!words.text[0]) context.fail("restore() refuses " + which + " without a word");
+      };
+      if (!state.empty()) refused(State(state.begin(), state.end() - 1), "a state without its last byte");
+      State longer = state;
+      longer.push_back(0);
+      refused(longer, "a state and one more byte");
+    });
+}
+
 void inputs_unchanged(Context& context) {
   const Settings settings = context.settings().front();
   for (const Block& block : blocks())
@@ -359,6 +432,10 @@ std::vector<Check> constraint_checks() {
       {"constraint.inputs-unchanged", 57,
        "Inputs are only read, nothing beyond the arrays is touched, and shorter or longer structs do no harm.", constraint_kind,
        inputs_unchanged},
+      {"constraint.checkpoint", 81,
+       "What is kept from step to step, saved and restored into the same or a fresh instance, gives the same bits; parts of it "
+       "are refused with words.",
+       constraint_kind, checkpoint},
   };
 }
 
