@@ -5,9 +5,7 @@
 #include "mpm/implicit_boundary.hpp"
 #include "mpm/incremental_potential.hpp"
 
-#include <Eigen/SparseCholesky>
-#include <Eigen/SparseCore>
-#include <array>
+#include <cleave/sparse_cholesky.hpp>
 #include <cstdint>
 #include <vector>
 
@@ -20,43 +18,67 @@ namespace cleave::mpm {
 /// The mesh is made of octants of grid blocks (2 cells to an edge, in two dimensions 4), or of groups of them where these would
 /// be many. The operator has the mass exactly. Its stiffness takes the tangents as they are on average in each octant, made
 /// positive semi-definite; held nodes resist with their diagonal block.
+///
+/// Mesh and factors stay until they are made anew: whatever the step they are of, they make a preconditioner of later ones.
 template <class T, int D>
 class CoarseSpace {
  public:
-  /// After IncrementalPotential::find_tangents.
-  void build(const Grid<T, D>&, const IncrementalPotential<T, D>&, const ImplicitBoundary<T, D>&);
-  /// There is none where the operator cannot be factorised.
   bool ready() const { return ready_; }
-  /// Multiplications that factorising the operator took.
-  double multiplications() const { return multiplications_; }
+  void forget() { ready_ = false; }
 
+  /// The mesh of a step, after IncrementalPotential::find_tangents(octants). What is ready is lost.
+  void make_mesh(const Grid<T, D>&, const IncrementalPotential<T, D>&);
+  /// The operator on it.
+  void factorise(const Grid<T, D>&, const IncrementalPotential<T, D>&, const ImplicitBoundary<T, D>&);
+  std::size_t corner_count() const { return corners_.size(); }
+  /// Multiplications of `factorise`, and those of `solve`.
+  double factor_work() const { return factor_.work(); }
+  double solve_work() const { return 2 * double(factor_.entries()); }
+
+  /// Finds the nodes of another step in the mesh.
+  void find_nodes(const Grid<T, D>&, const IncrementalPotential<T, D>&);
   /// y = A^-1 P^T r; returns r . P y.
   double solve(const T* residual);
   /// z += P y
   void add_to(T* vector) const;
 
+  /// What is kept from step to step.
+  template <class Self, class Archive>
+  static void list(Self& self, Archive& archive) {
+    archive(self.ready_, self.edge_, self.corners_, self.matrix_.begin, self.matrix_.column, self.matrix_.value, self.scale_);
+  }
+  /// The rest of it, after these.
+  void restore();
+
  private:
-  static constexpr int corners = 1 << D, half = GridShape<D>::block_edge / 2;
+  static constexpr int corners_of_element = 1 << D, half = GridShape<D>::block_edge / 2;
   /// An octant of a grid block and the element it is in.
   struct Octant {
     std::size_t block;
-    int number;                                 ///< in the block
-    bool stiff;                                 ///< some particle is here
-    std::array<std::uint32_t, corners> corner;  ///< of the element, BlockDirectory::none where there is none
-    std::array<int, 3> offset;                  ///< of its first node in the element, in cells
+    int number;                                            ///< in the block
+    std::array<std::uint32_t, corners_of_element> corner;  ///< of the element, BlockDirectory::none where there is none
+    std::array<int, 3> offset;                             ///< of its first node in the element, in cells
+    BlockCoordinate element;
   };
   template <class F>
   void for_nodes(const Octant&, F&&) const;
-  void number_corners(const Grid<T, D>&, const IncrementalPotential<T, D>&);
+  template <class F>
+  void for_octants(F&&) const;
+  void find_octants(const Grid<T, D>&, const IncrementalPotential<T, D>&);
+  void place(const Grid<T, D>&, Octant&) const;
+  void name_corners();
+  void make_pattern();
+  void analyze();
 
   std::vector<Octant> octants_;
   int edge_ = 0;  ///< of an element, in cells
-  std::size_t corner_count_ = 0;
+  std::vector<BlockCoordinate> corners_;
+  BlockDirectory directory_;  ///< of the corners
   bool ready_ = false;
-  double multiplications_ = 0;
-  Eigen::SimplicialLDLT<Eigen::SparseMatrix<double>> factor_;
-  Eigen::VectorXd right_, solution_;
-  std::vector<double> parts_;
+  SymmetricRows<double> matrix_;  ///< scaled to a diagonal of 1
+  std::vector<double> scale_;
+  SparseCholesky<double> factor_;
+  std::vector<double> right_, solution_, parts_;
 };
 
 }  // namespace cleave::mpm

@@ -33,7 +33,11 @@ inline constexpr FieldName field_names[] = {
     {CLEAVE_FIELD_TENSILE_ENERGY_IN, "tensile_energy", false, 1},
     {CLEAVE_FIELD_EFFECTIVE_STRESS_IN, "effective_stress", false, 6},
     {CLEAVE_FIELD_TOUGHNESS, "toughness", false, 1},
+    {CLEAVE_FIELD_DELTA_F, "delta_F", false, 9},
     {CLEAVE_FIELD_TAU, "tau", true, 6},
+    {CLEAVE_FIELD_PIOLA, "P", true, 9},
+    {CLEAVE_FIELD_DELTA_P, "delta_P", true, 9},
+    {CLEAVE_FIELD_ENERGY, "energy", true, 1},
     {CLEAVE_FIELD_TENSILE_ENERGY, "tensile_energy_out", true, 1},
     {CLEAVE_FIELD_EFFECTIVE_STRESS, "effective_stress_out", true, 6},
     {CLEAVE_FIELD_B_OUT, "b_out", true, 6},
@@ -43,7 +47,7 @@ inline constexpr FieldName field_names[] = {
     {CLEAVE_FIELD_DRIVING_FORCE, "driving_force", true, 1},
 };
 /// Inputs and outputs of any of these laws, component by component.
-inline constexpr int most_components = 47 + 2 * int(CLEAVE_MAX_STATE);
+inline constexpr int most_components = 75 + 2 * int(CLEAVE_MAX_STATE);
 
 /// Where value k of a component of a batch is.
 template <class T>

@@ -14,6 +14,7 @@ namespace cleave::mpm {
 namespace {
 constexpr int most_rounds = 8;         // of contact
 constexpr int most_trials = 30;        // of a line search
+constexpr int most_doublings = 6;      // of a step in which the energy curves down
 constexpr double sufficient = 1e-4;    // part of the slope that a step has to go down by (Armijo)
 constexpr double flat_enough = 0.8;    // part of the slope that is left where energies cannot be told apart
 constexpr double loosest = 0.5;        // forcing term: conjugate gradients go down by at least this
@@ -30,7 +31,7 @@ auto ImplicitStep<T, D>::solve(Grid<T, D>& grid, const std::vector<Part>& parts,
   most_ = most;
   particles_ = 0;
   for (const Part& part : parts) particles_ += part.particles->size();
-  prepared_ = false;
+  prepared_ = meshed_ = false;
   potential_.begin(grid, parts, time_step, cell_size_, reference_density_);
   for (Buffer* b : {&velocity_, &trial_, &gradient_, &direction_, &residual_, &preconditioned_, &search_, &product_})
     b->reserve(potential_.numbers() * sizeof(T));
@@ -46,7 +47,7 @@ auto ImplicitStep<T, D>::solve(Grid<T, D>& grid, const std::vector<Part>& parts,
     outcome_.solved = false;
     boundary.impose(numbers(velocity_));
     value_ = evaluate(v);
-    if (prepared_) precondition();
+    if (prepared_) invert_diagonal();
   }
   if (!value_.valid) fail_by_law("no velocities to start from at which the laws are defined");
   if (outcome_.solved) {
@@ -72,6 +73,7 @@ void ImplicitStep<T, D>::fail_by_law(const char* what) {
 template <class T, int D>
 auto ImplicitStep<T, D>::evaluate(const T* velocity) -> typename IncrementalPotential<T, D>::Value {
   outcome_.work.evaluations++;
+  failed_.clear();
   auto value = potential_.evaluate(velocity, numbers(gradient_));
   value.energy += boundary_->friction_energy(velocity);
   boundary_->add_friction(numbers(gradient_));
@@ -193,7 +195,7 @@ bool ImplicitStep<T, D>::give_up() {
 template <class T, int D>
 void ImplicitStep<T, D>::prepare() {
   outcome_.work.tangents++;
-  potential_.find_tangents();
+  potential_.find_tangents(false);
   prepared_ = true;
   const T* target = potential_.target();
   const T* diagonal = potential_.diagonal();
@@ -226,12 +228,13 @@ void ImplicitStep<T, D>::prepare() {
   const double unit = cell_size_ / time_step_, precision = double(std::numeric_limits<T>::epsilon());
   energy_rounding_ = precision * sums.stiffness * unit * unit;
   rounding_ = precision * (rounded_strains * unit * std::sqrt(sums.squares) + std::sqrt(sums.motion));
-  precondition();
+  invert_diagonal();
+  if (coarse_.ready()) coarse_.find_nodes(*grid_, potential_);
 }
 
-/// Inverts the diagonal blocks on what is free, and factorises the coarse operator.
+/// On what is free.
 template <class T, int D>
-void ImplicitStep<T, D>::precondition() {
+void ImplicitStep<T, D>::invert_diagonal() {
   using Block = Eigen::Matrix<double, D, D>;
   inverse_.reserve(potential_.numbers() / 4 * diagonal_numbers * sizeof(T));
   T* inverse = numbers(inverse_);
@@ -269,8 +272,34 @@ void ImplicitStep<T, D>::precondition() {
     for (int r = 0, at = 0; r < D; r++)
       for (int c = r; c < D; c++, at++) to[at] = T(block(r, c));
   });
-  coarse_.build(*grid_, potential_, *boundary_);
-  outcome_.work.factorisation += coarse_.multiplications() / double(particles_);
+}
+
+/// What a product costs, with what else an iteration of conjugate gradients does.
+template <class T, int D>
+double ImplicitStep<T, D>::iteration_cost() const {
+  return solve_cost({.products = 1, .substitution = coarse_.ready() ? coarse_.solve_work() / double(particles_) : 0});
+}
+
+/// Makes the coarse space from the tangents of the present velocities, if it is due after so many products. Returns true if the
+/// preconditioner has changed.
+template <class T, int D>
+bool ImplicitStep<T, D>::make_coarse(int products) {
+  const double cost = iteration_cost();
+  if (!coarse_choice_.due(products, cost)) return false;
+  if (!meshed_) {
+    meshed_ = true;
+    outcome_.work.tangents++;
+    potential_.find_tangents(true);
+    invert_diagonal();
+    coarse_.make_mesh(*grid_, potential_);
+    coarse_choice_.set_price(solve_cost({.tangents = 1, .factorisation = coarse_.factor_work() / double(particles_)}));
+    if (!coarse_choice_.due(products, cost)) return true;
+  }
+  outcome_.work.factorisation += coarse_.factor_work() / double(particles_);
+  coarse_.factorise(*grid_, potential_, *boundary_);
+  coarse_choice_.made(products);
+  meshed_ = false;
+  return true;
 }
 
 /// z = B r; returns r . z. Where nothing is held, the momentum of r is zero and so is that of M z: conjugate gradients keep
@@ -298,6 +327,7 @@ double ImplicitStep<T, D>::apply_preconditioner() {
     return sum;
   });
   if (coarse_.ready()) {
+    outcome_.work.substitution += coarse_.solve_work() / double(particles_);
     rz += coarse_.solve(r);
     coarse_.add_to(z);
     boundary_->project(z);
@@ -326,29 +356,43 @@ double ImplicitStep<T, D>::apply_preconditioner() {
 }
 
 /// Conjugate gradients from 0 on H d = r, until r is `forcing` of what it was in the norm of the preconditioner, or until the
-/// curvature along the search direction is not positive (Nocedal & Wright 2006, algorithm 7.1): d then is what there is, or the
-/// first search direction. Either way it goes down.
+/// curvature along the search direction is not positive (Nocedal & Wright 2006, algorithm 7.1): d then is what there is and as
+/// much again along that direction, or the first search direction. Either way it goes down.
 template <class T, int D>
 void ImplicitStep<T, D>::find_direction(double forcing) {
   T *d = numbers(direction_), *p = numbers(search_), *Ap = numbers(product_), *r = numbers(residual_);
   const T* z = numbers(preconditioned_);
   potential_.for_blocks([&](std::size_t first) { std::memset(d + 4 * first, 0, 4 * GridShape<D>::block_nodes * sizeof(T)); });
-  double rz = apply_preconditioner();
-  const double enough = forcing * forcing * rz;
+  curves_down_ = false;
+  double rz = apply_preconditioner(), enough = forcing * forcing * rz;
   T beta = 0;
-  for (int i = 0; i < solver_.maximum_linear_iterations && rz > enough; i++) {
+  int products = 0, since = 0;  // the preconditioner changed
+  while (products < solver_.maximum_linear_iterations && rz > enough) {
+    if (make_coarse(products - since)) {  // conjugate gradients anew, from where they are to the same part of the residual
+      if (coarse_.ready()) since = products;
+      const double before = rz;
+      rz = apply_preconditioner();
+      enough *= rz / before;
+      beta = 0;
+    }
     potential_.for_blocks([&](std::size_t first) {
       for (std::size_t k = 4 * first, end = k + 4 * GridShape<D>::block_nodes; k < end; k++)
         p[k] = beta == T(0) ? z[k] : z[k] + beta * p[k];
     });
     potential_.multiply(p, Ap);
     boundary_->project(Ap);
+    products++;
     outcome_.work.products++;
     outcome_.linear_iterations++;
     const double pAp = dot(p, Ap);
     if (!(pAp > 0)) {
-      if (i == 0) std::memcpy(d, p, potential_.numbers() * sizeof(T));
-      return;
+      curves_down_ = true;
+      const double size = dot(d, d), size_of_p = dot(p, p);
+      const T length = size > 0 ? T(std::min(std::sqrt(size / size_of_p), rz / -pAp)) : T(1);
+      potential_.for_blocks([&](std::size_t first) {
+        for (std::size_t k = 4 * first, end = k + 4 * GridShape<D>::block_nodes; k < end; k++) d[k] += length * p[k];
+      });
+      break;
     }
     const T alpha = T(rz / pAp);
     potential_.for_blocks([&](std::size_t first) {
@@ -357,11 +401,34 @@ void ImplicitStep<T, D>::find_direction(double forcing) {
         r[k] -= alpha * Ap[k];
       }
     });
-    if (dear()) return;
+    if (dear()) break;
     const double next = apply_preconditioner();
-    if (!(next > 0)) return;
+    if (!(next > 0)) break;
     beta = T(next / rz);
     rz = next;
+  }
+  if (!coarse_choice_.took(products - since, coarse_.ready(), iteration_cost(), solve_cost({.products = 1}))) coarse_.forget();
+}
+
+/// On along a direction in which the energy curves down: twice as far, and again, as long as that is lower. Steps of the size
+/// of the gradient alone would take long to leave a saddle.
+template <class T, int D>
+void ImplicitStep<T, D>::go_on() {
+  const T* d = numbers(direction_);
+  T length = 1;
+  for (int i = 0; i < most_doublings; i++, length *= 2) {
+    const T* v = numbers(velocity_);
+    T* trial = numbers(trial_);
+    potential_.for_blocks([&](std::size_t first) {
+      for (std::size_t k = 4 * first, end = k + 4 * GridShape<D>::block_nodes; k < end; k++) trial[k] = v[k] + length * d[k];
+    });
+    const auto value = evaluate(trial);
+    if (!value.valid || value.energy > value_.energy - energy_rounding_) {
+      value_ = evaluate(v);  // its gradient again
+      return;
+    }
+    std::swap(velocity_, trial_);
+    value_ = value;
   }
 }
 
@@ -402,6 +469,7 @@ bool ImplicitStep<T, D>::search(double slope) {
     if (accepted) {
       std::swap(velocity_, trial_);
       value_ = value;
+      if (curves_down_ && i == 0 && potential_.has_energy()) go_on();
       return true;
     }
     length *= next;

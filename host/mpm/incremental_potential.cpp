@@ -50,8 +50,8 @@ void IncrementalPotential<T, D>::begin(const Grid<T, D>& grid, std::vector<Part>
     const Material& m = *parts_[k].material;
     deformation_[k].reserve(parts_[k].particles->tiles() * std::size_t(deformation_rows<D>) * CLEAVE_TILE_BYTES);
     ImplicitView v;
-    v.response = m.implicit_response<T>();
-    v.differential = m.implicit_differential<T>();
+    v.response = parts_[k].response;
+    v.differential = parts_[k].differential;
     v.piola = m.gives_piola();
     v.takes_b = m.response_takes_b();
     v.energy = m.gives_energy();
@@ -147,16 +147,16 @@ void IncrementalPotential<T, D>::multiply(const T* direction, T* product) {
 }
 
 template <class T, int D>
-void IncrementalPotential<T, D>::find_tangents() {
+void IncrementalPotential<T, D>::find_tangents(bool of_octants) {
   constexpr std::size_t per_block = std::size_t(1 << D) * std::size_t(tangent_numbers<D>);
   diagonal_.reserve(numbers_ / 4 * diagonal_numbers * sizeof(T));
-  octants_.reserve(grid_blocks_ * per_block * sizeof(T));
+  if (of_octants) octants_.reserve(grid_blocks_ * per_block * sizeof(T));
   T* diagonal = reinterpret_cast<T*>(diagonal_.data());
-  T* octants = reinterpret_cast<T*>(octants_.data());
+  T* octants = of_octants ? reinterpret_cast<T*>(octants_.data()) : nullptr;
   tbb::parallel_for(tbb::blocked_range<std::size_t>(0, grid_blocks_, 32), [&](const auto& range) {
     constexpr std::size_t per_block_of_nodes = GridShape<D>::block_nodes * diagonal_numbers;
     std::memset(diagonal + range.begin() * per_block_of_nodes, 0, range.size() * per_block_of_nodes * sizeof(T));
-    std::memset(octants + range.begin() * per_block, 0, range.size() * per_block * sizeof(T));
+    if (octants) std::memset(octants + range.begin() * per_block, 0, range.size() * per_block * sizeof(T));
   });
   for (std::size_t k = 0; k < parts_.size(); k++) {
     const auto& blocks = parts_[k].particles->blocks();

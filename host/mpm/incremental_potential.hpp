@@ -30,6 +30,7 @@ class IncrementalPotential {
     const Particles<T, D>* particles;
     ParticleView view;
     const Material* material;
+    BoundLaw response, differential;  ///< Material::implicit_response and implicit_differential, or what stands for them
   };
   struct Value {
     double energy = 0;
@@ -51,8 +52,9 @@ class IncrementalPotential {
   /// Value and gradient; the Hessian is then that of these velocities.
   Value evaluate(const T* velocity, T* gradient);
   void multiply(const T* direction, T* product);
-  /// The Hessian's elastic part: diagonal blocks per node and tangents per octant (see ImplicitKernels::tangent).
-  void find_tangents();
+  /// The Hessian's elastic part: diagonal blocks per node and, if asked for, tangents per octant (see
+  /// ImplicitKernels::tangent).
+  void find_tangents(bool octants);
   const T* diagonal() const { return reinterpret_cast<const T*>(diagonal_.data()); }
   const T* octants() const { return reinterpret_cast<const T*>(octants_.data()); }
 

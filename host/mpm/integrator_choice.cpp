@@ -14,6 +14,7 @@ constexpr double evaluation_cost = 1.3;
 constexpr double product_cost = 1.3;  // with what else an iteration of conjugate gradients does
 constexpr double tangent_cost = 7.5;
 constexpr double multiplication_cost = 0.02;
+constexpr double substitution_cost = 0.02;
 
 constexpr double margin = 1.25;     // by which implicit steps have to be cheaper to be chosen
 constexpr double trial_share = 20;  // a trial costs at most this part of the symplectic steps that follow it
@@ -24,10 +25,13 @@ const double least_cost = implicit_cost({.evaluations = 2, .products = 1, .tange
 
 }  // namespace
 
-double implicit_cost(const SolveWork& work) {
-  return step_cost + evaluation_cost * double(work.evaluations) + product_cost * double(work.products) +
-         tangent_cost * double(work.tangents) + multiplication_cost * work.factorisation;
+double solve_cost(const SolveWork& work) {
+  return evaluation_cost * double(work.evaluations) + product_cost * double(work.products) +
+         tangent_cost * double(work.tangents) + multiplication_cost * work.factorisation +
+         substitution_cost * work.substitution;
 }
+
+double implicit_cost(const SolveWork& work) { return step_cost + solve_cost(work); }
 
 void IntegratorChoice::add(double cost, double time_step) {
   cost_ = forgetting * cost_ + cost;

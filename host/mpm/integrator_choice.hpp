@@ -14,18 +14,21 @@ struct SolveWork {
   std::int64_t evaluations = 0;  ///< of the incremental potential and its gradient
   std::int64_t products = 0;     ///< with its Hessian
   std::int64_t tangents = 0;     ///< for preconditioners
-  double factorisation = 0;      ///< multiplications, per particle
+  double factorisation = 0;      ///< of coarse operators: multiplications, per particle
+  double substitution = 0;       ///< solutions with these: the same
 
   void operator+=(const SolveWork& o) {
     evaluations += o.evaluations;
     products += o.products;
     tangents += o.tangents;
     factorisation += o.factorisation;
+    substitution += o.substitution;
   }
 };
 
-/// What an implicit step costs, in symplectic steps of the same scene.
+/// What an implicit step costs, in symplectic steps of the same scene; and its solve alone.
 double implicit_cost(const SolveWork&);
+double solve_cost(const SolveWork&);
 
 /// The choice of integrator = "auto": the integrator that is predicted to cost less per simulated second. The unit is a
 /// symplectic step. It hangs on counts alone, never on a clock, so that a scene takes the same steps wherever it runs.
@@ -48,6 +51,12 @@ class IntegratorChoice {
 
   void took_symplectic_step() { since_trial_++; }
   void took_implicit_step(const SolveWork&, double time_step);
+
+  /// To be saved and restored.
+  template <class Self, class Archive>
+  static void list(Self& self, Archive& archive) {
+    archive(self.implicit_, self.told_, self.since_trial_, self.wait_, self.cost_, self.seconds_);
+  }
 
  private:
   void add(double cost, double time_step);

@@ -25,6 +25,8 @@ class FailedBatches {
   /// [any-thread]
   void keep(std::size_t degree, const LawWatch&, const cleave_batch&, const void* saved, cleave_result,
             std::uint32_t not_finite);
+  /// Forgets them: what failed was tried only.
+  void clear() { kept_ = {}; }
   /// The batch that has this tile, null if no law failed there.
   const Kept* find(const char* tile) const;
 

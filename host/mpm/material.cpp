@@ -146,7 +146,7 @@ Material::Material(const config::Material& m, plugins::Registry& registry, int d
 void Material::lay_out_implicit_laws() {
   constexpr cleave_component discarded{1, implicit_discarded_row * row};
   const auto deformation = matrix_components(3, 0, dimension_, zero, {3, 4 * row});
-  const auto stress = matrix_components(1, 0, dimension_, discarded, discarded);
+  const auto stress = matrix_components(1, 0, dimension_, discarded, {1, 4 * row});
   for (LawLayout* layout : {&implicit_response_, &implicit_differential_}) {
     add_fibers(*layout, elasticity_);
     if (damage_) layout->add(CLEAVE_FIELD_DEGRADATION, rows(1, implicit_degradation_row * row, 1));

@@ -81,7 +81,7 @@ class MpmSimulation final : public Simulation {
     constants_.reserve(64);
     std::fill_n(reinterpret_cast<T*>(constants_.data()) + lanes, lanes, T(1));
     if (scene.simulation.integrator != config::Integrator::symplectic)
-      implicit_ = std::make_unique<ImplicitStep<T, D>>(scene.simulation.implicit, cell_size_, reference_density_);
+      implicit_ = std::make_unique<ImplicitStep<T, D>>(scene.simulation.implicit, cell_size_, reference_density_, failed_batches_);
     populate();
     sort();
     maximum_speed_ = 0;
@@ -261,7 +261,7 @@ class MpmSimulation final : public Simulation {
 
   /// The calls of a material's laws, watched.
   struct Watches {
-    LawWatch stress, degraded_stress, return_mapping, damage_inputs, driving_force;
+    LawWatch stress, degraded_stress, return_mapping, damage_inputs, driving_force, implicit_response, implicit_differential;
   };
   std::unique_ptr<Watches> watch(std::size_t material);
 
@@ -498,6 +498,8 @@ void MpmSimulation<T, D>::save_state(checkpoint::StateWriter& writer, const std:
     sets_[k]->save(writer, set);
     if (damage_[k]) checkpoint::pack(writer, set + "damage", [&](auto& archive) { damage_[k]->list(*damage_[k], archive); });
   }
+  if (implicit_)
+    checkpoint::pack(writer, prefix + "implicit", [this](auto& archive) { implicit_->list(*implicit_, archive); });
   if (constraints_) constraints_->save(writer, prefix + "constraint ");
 }
 
@@ -509,6 +511,10 @@ void MpmSimulation<T, D>::restore_state(checkpoint::StateReader& reader, const s
     if (damage_[k]) checkpoint::unpack(reader, set + "damage", [&](auto& archive) { damage_[k]->list(*damage_[k], archive); });
   }
   rebuild_grid();
+  if (implicit_) {
+    checkpoint::unpack(reader, prefix + "implicit", [this](auto& archive) { implicit_->list(*implicit_, archive); });
+    implicit_->restore();
+  }
   if (constraints_) constraints_->restore(reader, prefix + "constraint ");
   checkpoint::unpack(reader, prefix + "steps", [this](auto& archive) { list(*this, archive); });
   reader.read(prefix + "stage seconds", std::as_writable_bytes(std::span(stage_seconds_)));
@@ -721,7 +727,11 @@ auto MpmSimulation<T, D>::solve(const StepView& step, double most) -> Solve {
   Timer timer(*this, implicit_stage);
   add_gravity(step.time_step);
   std::vector<typename ImplicitStep<T, D>::Part> parts;
-  for (std::size_t s = 0; s < sets_.size(); s++) parts.push_back({sets_[s].get(), view(s), materials_[set_material_[s]].get()});
+  for (std::size_t s = 0; s < sets_.size(); s++) {
+    const Watches& laws = *watches_[set_material_[s]];
+    parts.push_back({sets_[s].get(), view(s), materials_[set_material_[s]].get(), laws.implicit_response.watched(),
+                     laws.implicit_differential.watched()});
+  }
   held_nodes_.clear();
   hold_handles(step, &held_nodes_);
   auto boundary = ImplicitBoundary<T, D>(held_nodes_, colliders_.contacts(grid_, step.start + step.time_step), grid_.data());
@@ -734,7 +744,9 @@ template <class T, int D>
 std::optional<SolveWork> MpmSimulation<T, D>::try_implicit_step(double dt, double most) {
   StepView step = step_view(time_, dt);
   particles_to_grid(step, false);
+  implicit_->forget();
   const Solve outcome = solve(step, most);
+  implicit_->forget();
   return outcome.solved ? std::optional(outcome.work) : std::nullopt;
 }
 
@@ -828,7 +840,8 @@ auto MpmSimulation<T, D>::watch(std::size_t material) -> std::unique_ptr<Watches
   return std::unique_ptr<Watches>(
       new Watches{watched(m.elasticity(), m.stress<T>()), watched(m.elasticity(), m.degraded_stress<T>()),
                   watched(m.plasticity(), m.return_mapping<T>()), watched(m.elasticity(), m.damage_inputs<T>()),
-                  watched(m.damage(), m.driving_force<T>())});
+                  watched(m.damage(), m.driving_force<T>()), watched(m.elasticity(), m.implicit_response<T>()),
+                  watched(m.elasticity(), m.implicit_differential<T>())});
 }
 
 template <class T, int D>

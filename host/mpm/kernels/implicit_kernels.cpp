@@ -320,8 +320,8 @@ void product(const ParticleView& set, const BlockView& block, const ImplicitView
   merge_arena<T, D>(out, block, s.scatter_arena);
 }
 
-/// The tangent a_iakb = (dP((e_k e_b^T) F_n) F_n^T)_ia of each point, times k V dt 4/dx, into the octants of the blocks and as
-/// sum w^2 r_a r_b a_iakb into the blocks of the nodes.
+/// The tangent a_iakb = (dP((e_k e_b^T) F_n) F_n^T)_ia of each point, times k V dt 4/dx, into the octants of the blocks (if
+/// any) and as sum w^2 r_a r_b a_iakb into the blocks of the nodes.
 template <class T, int D>
 void tangent(const ParticleView& set, const BlockView& block, const ImplicitView& view, T* diagonal, T* octants,
              void* scratch) {
@@ -358,7 +358,7 @@ void tangent(const ParticleView& set, const BlockView& block, const ImplicitView
           T* w = s.weights + k * (W::count * lanes);
           tile_weights<T, D, false>(set, tile, w, s.node + k * lanes);
           const int points = chunk.points - k * lanes < lanes ? chunk.points - k * lanes : lanes;
-          for (int l = 0; l < points; l++) {
+          for (int l = 0; octants && l < points; l++) {
             int grid_block = 0, octant = 0;
             for (int a = 0; a < D; a++) {
               const T x = reinterpret_cast<const T*>(tile + set.position + a * row)[l];

@@ -217,7 +217,7 @@ struct ImplicitKernels {
   void (*product)(const ParticleView&, const BlockView&, const ImplicitView&, const T* direction, T* out,
                   void* scratch) = nullptr;
   /// Adds the diagonal blocks of the Hessian to the nodes (diagonal_numbers each), and the sum of its tangents over the
-  /// particles of each half-edge octant of a grid block to octants[(block * 2^D + octant) * tangent_numbers].
+  /// particles of each half-edge octant of a grid block to octants[(block * 2^D + octant) * tangent_numbers], if not null.
   void (*tangent)(const ParticleView&, const BlockView&, const ImplicitView&, T* diagonal, T* octants, void* scratch) = nullptr;
 };
 

@@ -4,6 +4,7 @@
 
 #include <nlohmann/json.hpp>
 
+#include <Eigen/LU>
 #include <algorithm>
 #include <csignal>
 
@@ -165,6 +166,32 @@ TEST_F(FailedBatch, OfALawThatCrashes) {
   EXPECT_EQ(replay("mended.json").status, 3);
   const auto status = table(directory / "again.csv").at("status");
   EXPECT_GT(std::count(status.begin(), status.end(), "retry"), 0);
+}
+
+/// A block so fast that the ground turns it inside out wherever an implicit step starts from.
+TEST_F(FailedBatch, OfAnImplicitStepHasTheStrainsThatWereTried) {
+  for (const int dimension : {2, 3}) {
+    scene(dimension, dimension == 2 ? "single" : "double", neo_hookean);
+    const Outcome failed =
+        run("--set simulation.integrator=implicit --set simulation.time_step=0.04 --set " +
+            std::string(dimension == 2 ? "'body.block.velocity=[0, -1e4]'" : "'body.block.velocity=[0, -1e4, 0]'"));
+    ASSERT_EQ(failed.status, 3) << failed.err;
+    EXPECT_NE(failed.err.find("implicit step: no velocities to start from"), std::string::npos) << failed.err;
+    EXPECT_NE(failed.err.find("cleave point --replay run/failed_batch.json"), std::string::npos) << failed.err;
+    const Json then = batch();
+    EXPECT_EQ(then["failed"], "elasticity/split-neo-hookean");
+    const auto& F = then["inputs"]["F"];
+    int inside_out = 0;
+    for (std::size_t k = 0; k < then["points"]; k++) {
+      Eigen::Matrix3d tried;
+      for (int i = 0; i < 9; i++) tried(i / 3, i % 3) = F[std::size_t(i)][k].get<double>();
+      EXPECT_EQ(then["status"][k], tried.determinant() > 0 ? "ok" : "fatal") << "point " << k;
+      inside_out += tried.determinant() <= 0;
+    }
+    EXPECT_GT(inside_out, 0);
+    expect_the_same_again("P", {"P00", "P01", "P02", "P10", "P11", "P12", "P20", "P21", "P22"});
+    fs::remove_all(directory / "run");
+  }
 }
 
 TEST_F(FailedBatch, SaysWhatHasChangedSinceTheRun) {

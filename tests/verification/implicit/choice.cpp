@@ -1,6 +1,7 @@
 // integrator = "auto": which steps it takes in scenes whose cheaper integrator is beyond doubt, and that choosing leaves no
 // trace.
 
+#include "mpm/integrator_choice.hpp"
 #include "scenes.hpp"
 
 #include <gmock/gmock.h>
@@ -8,6 +9,7 @@
 #include <spdlog/sinks/ostream_sink.h>
 #include <spdlog/spdlog.h>
 
+#include <cmath>
 #include <sstream>
 
 namespace cleave::test {
@@ -106,6 +108,52 @@ TEST(AutomaticIntegrator, LeavesNoTraceOfItsTrials) {
   EXPECT_GT(trials, 0);
   EXPECT_EQ(simulation->measure().newton_iterations, 0) << "counts steps that were taken";
   expect_same(*simulation, *run(bar, Integrator::symplectic, 1));
+}
+
+/// A bar twisted by its ends.
+struct TwistedBar : PointScene {
+  TwistedBar(double youngs_modulus)
+      : PointScene(3, dx, lattice(3, dx, 2, Vector3(-5 * dx, -2 * dx, -2 * dx), Vector3(5 * dx, 2 * dx, 2 * dx)),
+                   "elasticity/split-neo-hookean", {{"youngs_modulus", youngs_modulus}, {"poissons_ratio", 0.3}}, density) {
+    scene.simulation.precision = config::Precision::single_precision;
+    scene.simulation.maximum_time_step = 0.02;
+    for (const double side : {-1.0, 1.0}) {
+      config::Handle h;
+      h.name = side < 0 ? "left" : "right";
+      h.region.center = Vector3(side * 5 * dx, 0, 0);
+      h.region.size = Vector3(2 * dx, 1, 1);
+      h.motion.angular_velocity = Vector3(side, 0, 0);
+      scene.handles.push_back(h);
+    }
+  }
+};
+
+/// What steps of either integrator cost, in symplectic steps, of the same motion; counted, not timed.
+TEST(AutomaticIntegrator, PicksWhatCostsLessAtEveryStiffness) {
+  const double end = 0.06;
+  int chose_implicit = 0;
+  for (const double youngs_modulus : {1e6, 1e7, 1e8, 1e9}) {
+    const Said said;
+    TwistedBar bar(youngs_modulus);
+    const auto automatic = run(bar, Integrator::automatic, end);
+    const bool implicit = integrators(*automatic).count("implicit") > 0;
+    const auto solved = run(bar, Integrator::implicit, end);
+    const auto r = solved->measure();
+    const double cost_implicit =
+        double(solved->steps()) * mpm::implicit_cost({.evaluations = std::int64_t(std::ceil(r.newton_iterations)) + 1,
+                                                      .products = std::int64_t(std::ceil(r.linear_iterations)),
+                                                      .tangents = 1});
+    const double cost_symplectic =
+        implicit ? double(run(bar, Integrator::symplectic, end)->steps()) : double(automatic->steps());
+    EXPECT_EQ(implicit ? integrators(*automatic).at("implicit") : 0, implicit ? automatic->steps() : 0) << said.text();
+    if (implicit)
+      EXPECT_LT(cost_implicit, cost_symplectic) << youngs_modulus << ": " << said.text();
+    else
+      EXPECT_LT(cost_symplectic, 2 * cost_implicit) << youngs_modulus << ": " << said.text();
+    chose_implicit += implicit;
+  }
+  EXPECT_GE(chose_implicit, 2);
+  EXPECT_LT(chose_implicit, 4);
 }
 
 TEST(AutomaticIntegrator, StepsASoftFastImpactSymplectically) {

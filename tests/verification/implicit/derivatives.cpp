@@ -91,7 +91,8 @@ struct System {
         velocity[4 * i + std::size_t(a)] = uniform(-3, 3);
         direction[4 * i + std::size_t(a)] = uniform(-1, 1);
       }
-    potential.begin(grid, {{&particles, view, &material}}, time_step, dx, density);
+    potential.begin(grid, {{&particles, view, &material, material.implicit_response<T>(), material.implicit_differential<T>()}},
+                    time_step, dx, density);
   }
 
   std::vector<T> moved(double distance) const {
@@ -155,7 +156,7 @@ void check_derivatives(const Law& law, bool damage) {
               1e-10 * std::sqrt(s.dot(product, product) * s.dot(s.velocity, s.velocity)));
 
   // Diagonal blocks are what the Hessian gives for one component of one node.
-  s.potential.find_tangents();
+  s.potential.find_tangents(true);
   std::uniform_int_distribution<std::size_t> node(0, s.grid.nodes() - 1);
   for (int i = 0; i < 20;) {
     const std::size_t n = node(s.random);
