@@ -2,7 +2,10 @@
 
 #include <array>
 #include <cmath>
+#include <cstddef>
 #include <cstdint>
+#include <span>
+#include <vector>
 
 namespace {
 using namespace cleave;
@@ -59,6 +62,9 @@ struct Incompressibility {
     }
     return projection.solve({.tolerance = tolerance, .maximum_iterations = std::uint32_t(maximum_iterations)});
   }
+
+  std::vector<std::byte> save() const { return memory_.save(); }
+  void restore(std::span<const std::byte> bytes) { memory_.restore(bytes); }
 
  private:
   /// V - V0 = V (1 - 1/|J|)

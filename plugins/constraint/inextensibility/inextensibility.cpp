@@ -3,7 +3,10 @@
 #include <cleave/decompositions.hpp>
 
 #include <cmath>
+#include <cstddef>
+#include <span>
 #include <string>
+#include <vector>
 
 namespace {
 using namespace cleave;
@@ -12,9 +15,8 @@ using namespace cleave;
 ///
 ///   B v = c,  B_(z, i alpha) = sum_p V_p Gamma_z(x_p) a_alpha (a . grad N_i(x_p))     [Wolper et al. 2020, eqs. 14, 22]
 ///
-/// by the velocity that is M-nearest to what the forces make of it, which is a tension lambda in the fibres. Rows see what
-/// alternates from cell to cell across the fibres hardly, and are relaxed: B v + epsilon D lambda = c, D the diagonal of
-/// B M^-1 B^T.
+/// by the velocity that is M-nearest to what the forces make of it, which is a tension lambda in the fibres. If asked to, rows
+/// are relaxed: B v + epsilon D lambda = c, D the diagonal of B M^-1 B^T.
 ///
 /// Strain that has come about all the same is taken back at the rate c_z = -s/dt sum_p V_p Gamma_z(x_p) ln|F a0| [Baumgarte
 /// 1972], in so far as that makes no kinetic energy.
@@ -28,8 +30,9 @@ struct Inextensibility {
 
   enum Transport { convected, rotated };
   Transport fiber_transport;
+  inextensibility::Multipliers multipliers;
   double tolerance, relaxation, stabilization, breaking_damage;
-  int maximum_iterations;
+  int maximum_iterations, factor_memory;
 
   static constexpr auto parameters = describe(
       choice(&Inextensibility::fiber_transport,
@@ -37,13 +40,19 @@ struct Inextensibility {
               .choices = {"convected", "rotated"},
               .default_value = "convected",
               .description = "where fibres a0 point to: along F a0, or R a0 with the rotation R of F = R S"}),
+      choice(&Inextensibility::multipliers,
+             {.key = "multipliers",
+              .choices = {"staggered", "centred"},
+              .default_value = "staggered",
+              .description = "where tensions are: at the middle of cells along the fibres and at nodes across them, or at the "
+                             "centres of cells"}),
       number(&Inextensibility::tolerance,
              {.key = "tolerance",
               .default_value = 1e-6,
               .valid = strictly_between(0, 1),
               .description = "rate of stretch that is left, relative to that without the constraint"}),
       number(&Inextensibility::relaxation, {.key = "relaxation",
-                                            .default_value = 1e-6,
+                                            .default_value = 0,
                                             .valid = non_negative,
                                             .description = "epsilon, compliance of the rows relative to their diagonal"}),
       number(&Inextensibility::stabilization, {.key = "stabilization",
@@ -58,16 +67,25 @@ struct Inextensibility {
       integer(&Inextensibility::maximum_iterations, {.key = "maximum_iterations",
                                                      .default_value = 1000,
                                                      .valid = at_least(1),
-                                                     .description = "of conjugate gradients in a step"}));
+                                                     .description = "of conjugate gradients in a step"}),
+      integer(&Inextensibility::factor_memory,
+              {.key = "factor_memory",
+               .unit = "MiB",
+               .default_value = 256,
+               .valid = non_negative,
+               .description = "what complete factors of the rows may take; beyond it they are incomplete"}));
 
   ConstraintReport project(const cleave_constraint_system& system) {
     return system.dimension == 3 ? project<3>(system) : project<2>(system);
   }
 
+  std::vector<std::byte> save() const { return memory_.save(); }
+  void restore(std::span<const std::byte> bytes) { memory_.restore(bytes); }
+
  private:
   template <unsigned D>
   ConstraintReport project(const cleave_constraint_system& system) {
-    inextensibility::FiberRows<D> rows(system);
+    inextensibility::FiberRows<D> rows(system, multipliers);
     for (std::uint64_t p = 0; p < system.particle_count; ++p) {
       if (damage_of(system, p) > breaking_damage) continue;
       const double *F = system.deformation + p * 9, *a0 = system.fiber + p * 3;
@@ -90,8 +108,10 @@ struct Inextensibility {
     }
     Projection projection(system, memory_);
     rows.write(projection, stabilization / system.time_step);
-    ConstraintReport report = projection.solve(
-        {.tolerance = tolerance, .maximum_iterations = std::uint32_t(maximum_iterations), .relaxation = relaxation});
+    ConstraintReport report = projection.solve({.tolerance = tolerance,
+                                                .maximum_iterations = std::uint32_t(maximum_iterations),
+                                                .relaxation = relaxation,
+                                                .factor_bytes = std::size_t(factor_memory) << 20});
     if (report.residual > tolerance)
       report.notice = "the fibres are held to a residual of " + std::to_string(report.residual) + " only, after " +
                       std::to_string(report.iterations) +

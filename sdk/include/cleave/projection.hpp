@@ -30,11 +30,14 @@
 #include <cmath>
 #include <cstddef>
 #include <cstdint>
+#include <cstring>
 #include <limits>
+#include <span>
 #include <stdexcept>
 #include <string>
 #include <type_traits>
 #include <unordered_map>
+#include <utility>
 #include <vector>
 
 namespace cleave {
@@ -110,42 +113,125 @@ inline std::vector<std::vector<std::uint64_t>> particles_by_cell(const cleave_co
 
 namespace detail {
 
-/// Factors of S B' M^-1 B'^T S + shift I of a step, and what the steps since then took with them.
+/// Numbers and lists of them, one after another, as bytes.
+class StateBytes {
+ public:
+  template <class Value>
+  void put(const Value& value) {
+    static_assert(std::is_trivially_copyable_v<Value>);
+    const auto* begin = reinterpret_cast<const std::byte*>(&value);
+    bytes_.insert(bytes_.end(), begin, begin + sizeof value);
+  }
+  template <class Value>
+  void put(const std::vector<Value>& list) {
+    put(std::uint64_t(list.size()));
+    const auto* begin = reinterpret_cast<const std::byte*>(list.data());
+    bytes_.insert(bytes_.end(), begin, begin + list.size() * sizeof(Value));
+  }
+  std::vector<std::byte> take() { return std::move(bytes_); }
+
+ private:
+  std::vector<std::byte> bytes_;
+};
+class StateOfBytes {
+ public:
+  explicit StateOfBytes(std::span<const std::byte> bytes) : rest_(bytes) {}
+  template <class Value>
+  void get(Value& value) {
+    std::memcpy(&value, next(1, sizeof value), sizeof value);
+  }
+  template <class Value>
+  void get(std::vector<Value>& list) {
+    std::uint64_t size = 0;
+    get(size);
+    const std::byte* from = next(size, sizeof(Value));
+    list.resize(size);
+    if (size > 0) std::memcpy(list.data(), from, size * sizeof(Value));
+  }
+  void end() const { require(rest_.empty()); }
+  static void require(bool condition) {
+    if (!condition) throw std::invalid_argument("these are not the bytes that a projection has saved");
+  }
+
+ private:
+  const std::byte* next(std::uint64_t count, std::size_t size) {
+    require(count <= rest_.size() / size);
+    const std::byte* from = rest_.data();
+    rest_ = rest_.subspan(count * size);
+    return from;
+  }
+  std::span<const std::byte> rest_;
+};
+
+/// What stands for (S B' M^-1 B'^T S)^-1 in the iterations of a step and of those after it: Cholesky factors, complete ones as
+/// long as they are small enough.
 template <class S>
 class ProjectionFactors {
  public:
   using Cell = std::array<std::int32_t, 3>;
 
-  bool any() const { return cholesky_.size() > 0; }
+  bool any() const { return !cells_.empty(); }
+  bool complete() const { return complete_; }
   /// Whether another iteration with them costs more, with those there were too many of since they were made, than new ones.
   bool worn(std::uint32_t iterations) const {
-    return excess_ + double(iterations) - fresh_ > (cholesky_.work() * 4e-11 + pairs_ * 2e-9) / iteration_seconds_;
+    return excess_ + double(iterations) - fresh_ > making_seconds_ / iteration_seconds_;
   }
-  void took(std::uint32_t iterations) {
-    if (fresh_ < 0)
+  /// Whether a step is to begin with new ones: the present ones are worn, or the last that were tried in another step than
+  /// their own came to nothing and it is not yet the time to try again.
+  bool make_at_once() {
+    if (!any() || worn(0)) return true;
+    if (wait_ == 0) return false;
+    --wait_;
+    return true;
+  }
+  /// Iterations of a step with those that it ended with; `replaced`: it began with older ones, which did not do.
+  void took(std::uint32_t iterations, bool replaced) {
+    if (replaced) {
+      patience_ = std::min(2 * patience_, longest_patience);
+      wait_ = patience_;
+    }
+    if (fresh_ < 0) {
       fresh_ = iterations;
-    else
+    } else {
       excess_ += std::max(0.0, double(iterations) - fresh_);
+      patience_ = 1;
+    }
   }
 
   template <class Run>
-  void make(const SymmetricRows<S>& matrix, const std::vector<Cell>& cells, S shift, std::size_t coefficients, Run run) {
-    std::vector<std::array<float, 3>> place(cells.size());
-    for (std::size_t i = 0; i < cells.size(); ++i) place[i] = {float(cells[i][0]), float(cells[i][1]), float(cells[i][2])};
-    cholesky_.analyze(matrix, place);
-    cholesky_.factor(matrix, shift, run);
-    numbers_.clear();
-    for (std::size_t i = 0; i < cells.size(); ++i) numbers_.emplace(key(cells[i]), std::uint32_t(i));
+  void make(SymmetricRows<S> matrix, const std::vector<Cell>& cells, S shift, std::size_t coefficients, std::size_t most_bytes,
+            Run run) {
+    if (cells != cells_ || matrix.begin != pattern_.begin || matrix.column != pattern_.column) {
+      cells_ = cells;
+      analyze(matrix);
+    }
+    complete_ = cholesky_.entries() * sizeof(S) <= most_bytes;
+    double numbers = double(matrix.column.size());
+    // Seconds of a processor core; only their ratio matters, and not to more than a factor of two.
+    making_seconds_ = 1e-8 * (double(coefficients) + numbers);
+    if (complete_) {
+      cholesky_.factor(matrix, shift, run);
+      making_seconds_ += 1.3e-11 * cholesky_.work() * sizeof(S);
+      numbers = double(cholesky_.entries());
+    } else {
+      incomplete_.factor(matrix, shift);
+      making_seconds_ += 1e-9 * incomplete_.work();
+    }
+    iteration_seconds_ = 1e-10 * numbers * sizeof(S) + 1.5e-9 * double(coefficients);
+    pattern_ = std::move(matrix);
+    pattern_.value = {};
     match(cells);
     excess_ = 0;
     fresh_ = -1;
-    pairs_ = double(matrix.column.size());
-    iteration_seconds_ = double(cholesky_.entries() * sizeof(S)) * 2e-10 + double(coefficients) * 1e-9;
   }
   /// The rows of another step. Those that were not there stand for themselves.
   void match(const std::vector<Cell>& cells) {
     number_of_row_.assign(cells.size(), none);
-    std::vector<bool> taken(cholesky_.size(), false);
+    if (cells == cells_) {
+      for (std::size_t i = 0; i < cells.size(); ++i) number_of_row_[i] = std::uint32_t(i);
+      return;
+    }
+    std::vector<bool> taken(cells_.size(), false);
     for (std::size_t i = 0; i < cells.size(); ++i)
       if (const auto found = numbers_.find(key(cells[i])); found != numbers_.end() && !taken[found->second]) {
         taken[found->second] = true;
@@ -158,15 +244,52 @@ class ProjectionFactors {
     double largest = 0;
     for (const double value : r) largest = std::max(largest, std::abs(value));
     if (largest == 0) largest = 1;
-    local_.assign(cholesky_.size(), 0);
+    local_.assign(cells_.size(), 0);
     for (std::size_t i = 0; i < r.size(); ++i)
       if (number_of_row_[i] != none) local_[number_of_row_[i]] = S(r[i] / largest);
-    cholesky_.solve(local_, run);
+    if (complete_)
+      cholesky_.solve(local_, run);
+    else
+      incomplete_.solve(local_);
     for (std::size_t i = 0; i < r.size(); ++i)
       z[i] = number_of_row_[i] != none ? double(local_[number_of_row_[i]]) * largest : r[i];
   }
 
+  void save(StateBytes& to) const {
+    to.put(cells_);
+    if (!any()) return;
+    to.put(pattern_.begin);
+    to.put(pattern_.column);
+    to.put(complete_);
+    to.put(complete_ ? cholesky_.values() : incomplete_.values());
+    for (const double value : {fresh_, excess_, making_seconds_, iteration_seconds_}) to.put(value);
+    for (const std::uint32_t value : {wait_, patience_}) to.put(value);
+  }
+  void restore(StateOfBytes& from) {
+    from.get(cells_);
+    if (!any()) return;
+    from.get(pattern_.begin);
+    from.get(pattern_.column);
+    StateOfBytes::require(pattern_.size() == cells_.size() && pattern_.is_lower_triangle());
+    analyze(pattern_);
+    from.get(complete_);
+    std::vector<S> values;
+    from.get(values);
+    StateOfBytes::require(complete_ ? cholesky_.take(std::move(values)) : incomplete_.take(pattern_, std::move(values)));
+    for (double* value : {&fresh_, &excess_, &making_seconds_, &iteration_seconds_}) from.get(*value);
+    for (std::uint32_t* value : {&wait_, &patience_}) from.get(*value);
+  }
+
  private:
+  void analyze(const SymmetricRows<S>& matrix) {
+    std::vector<std::array<float, 3>> place(cells_.size());
+    numbers_.clear();
+    for (std::size_t i = 0; i < cells_.size(); ++i) {
+      place[i] = {float(cells_[i][0]), float(cells_[i][1]), float(cells_[i][2])};
+      numbers_.emplace(key(cells_[i]), std::uint32_t(i));
+    }
+    cholesky_.analyze(matrix, place);
+  }
   static constexpr std::uint32_t none = ~std::uint32_t(0);
   static std::uint64_t key(const Cell& cell) {
     std::uint64_t k = 0;
@@ -175,20 +298,48 @@ class ProjectionFactors {
   }
 
   SparseCholesky<S> cholesky_;
+  IncompleteCholesky<S> incomplete_;
+  bool complete_ = true;
+  std::vector<Cell> cells_;   // of its rows
+  SymmetricRows<S> pattern_;  // that was analyzed
   std::unordered_map<std::uint64_t, std::uint32_t> numbers_;
   std::vector<std::uint32_t> number_of_row_;
   std::vector<S> local_;
   double fresh_ = -1, excess_ = 0;  // iterations with the factors when they were new; more than those, since then
-  double pairs_ = 0, iteration_seconds_ = 1;
+  double making_seconds_ = 0, iteration_seconds_ = 1;
+  static constexpr std::uint32_t longest_patience = 32;
+  std::uint32_t wait_ = 0,
+                patience_ = 1;  // steps that begin with factors of their own; how many after the next failure, halved
 };
 
 }  // namespace detail
 
 /// What a law keeps from step to step: the same results up to the tolerance, sooner.
 class ProjectionMemory {
+ public:
+  std::vector<std::byte> save() const {
+    detail::StateBytes to;
+    to.put(precise_);
+    single_.save(to);
+    double_.save(to);
+    return to.take();
+  }
+  /// Another one goes on as this one would have. Throws where save() has not written that.
+  void restore(std::span<const std::byte> bytes) {
+    detail::StateOfBytes from(bytes);
+    ProjectionMemory found;
+    from.get(found.precise_);
+    found.single_.restore(from);
+    found.double_.restore(from);
+    from.end();
+    *this = std::move(found);
+  }
+
+ private:
   friend class Projection;
   detail::ProjectionFactors<float> single_;
   detail::ProjectionFactors<double> double_;
+  bool precise_ = false;  // single precision does not do
 };
 
 /// Rows of B v = c, and the projection onto them. Nodes with a prescribed velocity keep it, those that are fixed along a normal
@@ -199,9 +350,10 @@ class Projection {
     double tolerance = 1e-6;  ///< of |B v - c| relative to |B v* - c|
     std::uint32_t maximum_iterations = 1000;
     /// With a memory: epsilon in B v + epsilon D lambda = c, D the diagonal of B' M^-1 B'^T; the residual is that of this.
-    /// Rows give way to combinations of them that are of less than sqrt(epsilon) of their length. From 1e-6 on single precision
-    /// does for the factors.
+    /// Rows give way to combinations of them that are of less than sqrt(epsilon) of their length.
     double relaxation = 0;
+    /// With a memory: what complete factors may take. Beyond it they are incomplete.
+    std::size_t factor_bytes = std::size_t(256) << 20;
   };
 
   struct Row {
@@ -211,224 +363,274 @@ class Projection {
     std::array<std::int32_t, 3> cell{};  ///< where the row is; different for each
   };
 
+  /// One of the rows that are written at the same time.
+  class RowWriter {
+   public:
+    Row row;
+    /// Coefficients for the velocity of a node, once for each. In 2D the last one is not read.
+    void add(std::uint64_t node, const std::array<double, 3>& coefficients) {
+      if (end_ == last_) throw std::length_error("a row of the constraint has more entries than were announced");
+      to_.column_[end_] = std::uint32_t(node);
+      std::copy_n(coefficients.begin(), to_.d_, to_.coefficient_.data() + end_++ * to_.d_);
+    }
+
+   private:
+    friend class Projection;
+    RowWriter(Projection& to, std::size_t begin, std::size_t most) : to_(to), end_(begin), last_(begin + most) {}
+    Projection& to_;
+    std::size_t end_, last_;
+  };
+
   /// The system has to outlive this object, and so has the memory.
-  explicit Projection(const cleave_constraint_system& system)
-      : system_(system), d_(system.dimension), number_of_node_(system.node_count, absent) {}
+  explicit Projection(const cleave_constraint_system& system) : system_(system), d_(system.dimension) {}
   Projection(const cleave_constraint_system& system, ProjectionMemory& memory) : Projection(system) { memory_ = &memory; }
 
   /// Begins a row whose right-hand side is `value`. A row to which nothing is added is none.
   void begin_row(double value = 0) { begin_row(Row{.value = value}); }
   void begin_row(const Row& row) {
-    end_row();
-    row_ = row;
+    row_.push_back(row);
+    begin_.push_back(column_.size());
+    end_.push_back(column_.size());
   }
 
   /// Adds to the coefficients that the present row has for the velocity of a node. In 2D the last one is not read.
   void add(std::uint64_t node, const std::array<double, 3>& coefficients) {
-    std::uint32_t& number = number_of_node_[node];
-    if (number == absent) {
-      number = std::uint32_t(nodes_.size());
-      nodes_.push_back(node);
-      entry_of_number_.push_back(absent);
-    }
-    std::uint32_t& entry = entry_of_number_[number];
-    if (entry == absent) {
-      entry = std::uint32_t(column_.size() - row_begin());
-      column_.push_back(number);
+    entry_of_node_.resize(system_.node_count, 0);
+    std::size_t& entry = entry_of_node_[node];
+    if (!(entry >= begin_.back() && entry < column_.size() && column_[entry] == node)) {
+      entry = column_.size();
+      column_.push_back(std::uint32_t(node));
       coefficient_.resize(coefficient_.size() + d_, 0.0);
+      end_.back() = column_.size();
     }
-    double* to = coefficient_.data() + (row_begin() + entry) * d_;
+    double* to = coefficient_.data() + entry * d_;
     for (unsigned a = 0; a < d_; ++a) to[a] += coefficients[a];
+  }
+
+  /// Adds `count` rows of at most `most` entries each: write(i, writer) fills row i, on whichever thread. The next row of
+  /// others begins with begin_row().
+  template <class Write>
+  void add_rows(std::size_t count, std::size_t most, const Write& write) {
+    const std::size_t first = row_.size(), entries = column_.size();
+    row_.resize(first + count);
+    begin_.resize(first + count);
+    end_.resize(first + count);
+    column_.resize(entries + count * most);
+    coefficient_.resize((entries + count * most) * d_);
+    threads_of(system_).for_ranges(count, 64, [&](std::uint64_t from, std::uint64_t to) {
+      for (std::uint64_t i = from; i < to; ++i) {
+        RowWriter writer(*this, entries + i * most, most);
+        write(std::size_t(i), writer);
+        row_[first + i] = writer.row;
+        begin_[first + i] = entries + i * most;
+        end_[first + i] = writer.end_;
+      }
+    });
   }
 
   /// Changes the velocities of the system, once. Rows that contradict each other, or what is prescribed, are met in the sense
   /// of least squares, each in units of its diagonal (B' M^-1 B'^T)^(1/2); the residual of the report tells.
   ///
   /// Conjugate gradients on the normal equations (CGLS; Bjoerck, Numerical Methods for Least Squares Problems, 1996, 7.4) of
-  /// S B' M^-1/2, where S gives the rows unit length. Its spectrum is that of B' M^-1 B'^T with the Jacobi preconditioner, and
-  /// so are its iterations, but neither dependent nor contradictory rows disturb it.
+  /// A = S B' M^-1/2, where S gives the rows unit length. Its spectrum is that of B' M^-1 B'^T with the Jacobi preconditioner,
+  /// and so are its iterations, but neither dependent nor contradictory rows disturb it.
   ///
-  /// With a memory, conjugate gradients on B' M^-1 B'^T itself, preconditioned by its factors; should that come to nothing
-  /// without relaxation, as with contradictory rows, the above.
-  ConstraintReport solve(Options options) {
-    end_row();
-    const std::size_t rows = row_end_.size(), unknowns = nodes_.size() * d_;
-    ConstraintReport report;
-    report.rows = rows;
-    const double begun = norm(residual_);
-    if (!std::isfinite(begun)) throw std::runtime_error("a row of the constraint has numbers that are not finite");
-    const bool corrected = std::any_of(correction_.begin(), correction_.end(), [](double c) { return c != 0; });
-    if (begun <= rounding * std::sqrt(squared_magnitude_) && !corrected) return report;
-    if (memory_) {
-      const auto by_factors = [&](auto& factors) {
-        return d_ == 3 ? solve_by_factors<3>(factors, options) : solve_by_factors<2>(factors, options);
-      };
-      std::vector<double> as_given(unknowns);
-      for (std::size_t k = 0; k < unknowns; ++k) as_given[k] = velocity(k);
-      report = options.relaxation >= single_relaxation ? by_factors(memory_->single_) : by_factors(memory_->double_);
-      if (options.relaxation > 0 || report.residual <= options.tolerance) return report;
-      for (std::size_t k = 0; k < unknowns; ++k) velocity(k) = as_given[k];
-      options.maximum_iterations += report.iterations;
-    }
-
-    std::vector<double> before(unknowns), change(unknowns, 0.0), slope(unknowns), direction, r(rows), q(rows);
-    mass_.resize(unknowns);
-    for (std::size_t k = 0; k < unknowns; ++k) {
-      before[k] = velocity(k);
-      mass_[k] = system_.mass[nodes_[k / d_]];
-    }
-    for (std::size_t i = 0, e = 0; i < rows; ++i) {
-      const double scale = length_[i] > 0 ? 1 / length_[i] : 0;
-      r[i] = scale * residual_[i];
-      for (; e < row_end_[i] * d_; ++e) coefficient_[e] *= scale;
-    }
-    const double enough = options.tolerance * norm_in_full(r);
-    multiply_transposed(r, slope);
-    direction = slope;
-    double steepness = squared_by_mass(slope);
-    while (report.iterations < options.maximum_iterations && norm_in_full(r) > enough) {
-      // Nothing that can be changed reduces what is left of rows that contradict each other.
-      if (std::sqrt(steepness) <= 1e-3 * options.tolerance * norm(r)) break;
-      multiply(direction, q);
-      const double squared = dot(q, q), step = steepness / squared;
-      if (!(squared > 0)) break;
-      for (std::size_t k = 0; k < unknowns; ++k) change[k] += step * direction[k];
-      for (std::size_t i = 0; i < rows; ++i) r[i] -= step * q[i];
-      multiply_transposed(r, slope);
-      const double next = squared_by_mass(slope), turn = next / steepness;
-      steepness = next;
-      for (std::size_t k = 0; k < unknowns; ++k) direction[k] = slope[k] + turn * direction[k];
-      ++report.iterations;
-    }
-
-    for (std::size_t k = 0; k < unknowns; ++k)
-      if (change[k] != 0) velocity(k) -= change[k];
-    for (std::size_t k = 0; k < unknowns; ++k) change[k] = velocity(k) - before[k];
-    multiply(change, q);
-    for (std::size_t i = 0; i < rows; ++i) r[i] = residual_[i] + length_[i] * q[i];
-    report.residual = norm(r) / begun;
-    return report;
-  }
+  /// With a memory, conjugate gradients on A A^T itself, preconditioned by its factors; should that come to nothing without
+  /// relaxation, as with contradictory rows, the above.
+  ConstraintReport solve(const Options& options) { return d_ == 3 ? solve<3>(options) : solve<2>(options); }
   ConstraintReport solve() { return solve(Options()); }
 
  private:
-  static constexpr std::uint32_t absent = ~std::uint32_t(0);
   /// |B v* - c| that is no more than this part of the terms it is the sum of is their rounding.
   static constexpr double rounding = 1e-14;
   /// A row of whose length no more than this part is free to act is held as a whole: it would act with its rounding.
   static constexpr double held = 1e-6;
   /// The least epsilon with which single precision can make factors, and double precision.
   static constexpr double single_relaxation = 1e-6, double_relaxation = 1e-11;
+  /// More iterations with factors of the same step than this: single precision does not do.
+  static constexpr std::uint32_t many_iterations = 30;
+  /// Iterations that in so many do not halve what is left will not.
+  static constexpr std::uint32_t patience = 60;
 
-  std::size_t row_begin() const { return row_end_.empty() ? 0 : row_end_.back(); }
-  double& velocity(std::size_t unknown) const { return system_.velocity[nodes_[unknown / d_] * d_ + unknown % d_]; }
+  template <unsigned D>
+  ConstraintReport solve(const Options& options) {
+    finish_rows<D>();
+    ConstraintReport report;
+    report.rows = row_.size();
+    const double begun = norm(residual_);
+    if (!std::isfinite(begun)) throw std::runtime_error("a row of the constraint has numbers that are not finite");
+    double magnitude = 0;
+    bool corrected = false;
+    for (std::size_t i = 0; i < row_.size(); ++i) {
+      magnitude += squared_magnitude_[i];
+      corrected = corrected || row_[i].correction != 0;
+    }
+    if (begun <= rounding * std::sqrt(magnitude) && !corrected) return report;
+    by_root_mass_.resize(system_.node_count);
+    for (std::size_t n = 0; n < by_root_mass_.size(); ++n) by_root_mass_[n] = 1 / std::sqrt(system_.mass[n]);
+    scale_rows<D>();
 
-  /// Closes the present row: B v* - c with all of it, then what acts on the velocities that are free.
-  void end_row() {
-    const std::size_t begin = row_begin(), end = column_.size();
-    if (begin == end) return;
-    double residual = -row_.value, magnitude = std::abs(row_.value), whole = 0, free = 0;
-    const auto squared_length = [&](std::uint64_t node, const double* b) {
-      double sum = 0;
-      for (unsigned a = 0; a < d_; ++a) sum += b[a] * b[a];
-      return sum / system_.mass[node];
-    };
-    for (std::size_t e = begin; e < end; ++e) {
-      entry_of_number_[column_[e]] = absent;
-      const std::uint64_t node = nodes_[column_[e]];
-      double* b = coefficient_.data() + e * d_;
-      for (unsigned a = 0; a < d_; ++a) {
-        const double term = b[a] * system_.velocity[node * d_ + a];
-        residual += term;
-        magnitude += std::abs(term);
+    if (memory_) {
+      bool solved = false;
+      const auto by_factors = [&](auto& factors) { solved = solve_by_factors<D>(factors, options, report); };
+      if (!memory_->precise_) by_factors(memory_->single_);
+      if (!solved && memory_->precise_) by_factors(memory_->double_);
+      if (solved) return report;
+    }
+    return solve_least_squares<D>(options, report);
+  }
+
+  /// Takes away rows without entries. Then, of each row: B v* - c with all of it, and what acts on the velocities that are
+  /// free.
+  template <unsigned D>
+  void finish_rows() {
+    std::size_t kept = 0;
+    for (std::size_t i = 0; i < row_.size(); ++i)
+      if (end_[i] > begin_[i]) {
+        row_[kept] = row_[i];
+        begin_[kept] = begin_[i];
+        end_[kept++] = end_[i];
       }
-      whole += squared_length(node, b);
-      release(node, b);
-      free += squared_length(node, b);
-    }
-    if (!(free > held * held * whole)) {
-      free = 0;
-      std::fill(coefficient_.begin() + std::ptrdiff_t(begin * d_), coefficient_.end(), 0.0);
-    }
-    row_end_.push_back(end);
-    residual_.push_back(residual);
-    length_.push_back(std::sqrt(free));
-    correction_.push_back(free > 0 ? row_.correction : 0);
-    cell_.push_back(row_.cell);
-    squared_magnitude_ += magnitude * magnitude;
+    row_.resize(kept);
+    begin_.resize(kept);
+    end_.resize(kept);
+    residual_.resize(kept);
+    length_.resize(kept);
+    squared_magnitude_.resize(kept);
+    for_rows([&](std::size_t i) {
+      double residual = -row_[i].value, magnitude = std::abs(row_[i].value), whole = 0, free = 0;
+      const auto squared_length = [&](std::uint64_t node, const double* b) {
+        double sum = 0;
+        for (unsigned a = 0; a < D; ++a) sum += b[a] * b[a];
+        return sum / system_.mass[node];
+      };
+      for (std::size_t e = begin_[i]; e < end_[i]; ++e) {
+        const std::uint64_t node = column_[e];
+        double* b = coefficient_.data() + e * D;
+        for (unsigned a = 0; a < D; ++a) {
+          const double term = b[a] * system_.velocity[node * D + a];
+          residual += term;
+          magnitude += std::abs(term);
+        }
+        const double length = squared_length(node, b);
+        whole += length;
+        if (system_.prescribed[node] != 0) {
+          release<D>(node, b);
+          free += squared_length(node, b);
+        } else {
+          free += length;
+        }
+      }
+      if (!(free > held * held * whole)) {
+        free = 0;
+        std::fill(coefficient_.begin() + std::ptrdiff_t(begin_[i] * D), coefficient_.begin() + std::ptrdiff_t(end_[i] * D),
+                  0.0);
+        row_[i].correction = 0;
+      }
+      residual_[i] = residual;
+      length_[i] = std::sqrt(free);
+      squared_magnitude_[i] = magnitude * magnitude;
+    });
   }
 
   /// Takes from b what acts on prescribed parts of the node's velocity.
+  template <unsigned D>
   void release(std::uint64_t node, double* b) const {
-    if (system_.prescribed[node] == 0) return;
     if (system_.prescribed[node] == 1) {
-      std::fill_n(b, d_, 0.0);
+      std::fill_n(b, D, 0.0);
       return;
     }
-    const double* normal = system_.normal + node * d_;
+    const double* normal = system_.normal + node * D;
     double along = 0;
-    for (unsigned a = 0; a < d_; ++a) along += b[a] * normal[a];
-    for (unsigned a = 0; a < d_; ++a) b[a] -= along * normal[a];
+    for (unsigned a = 0; a < D; ++a) along += b[a] * normal[a];
+    for (unsigned a = 0; a < D; ++a) b[a] -= along * normal[a];
   }
 
-  /// out = S B' in; S is in the coefficients
-  void multiply(const std::vector<double>& in, std::vector<double>& out) const {
-    std::size_t e = 0;
-    for (std::size_t i = 0; i < row_end_.size(); ++i) {
-      double sum = 0;
-      for (; e < row_end_[i]; ++e)
-        for (unsigned a = 0; a < d_; ++a) sum += coefficient_[e * d_ + a] * in[column_[e] * d_ + a];
-      out[i] = sum;
+  /// From B' to A = S B' M^-1/2
+  template <unsigned D>
+  void scale_rows() {
+    for_rows([&](std::size_t i) {
+      const double scale = this->scale(i);
+      for (std::size_t e = begin_[i]; e < end_[i]; ++e)
+        for (unsigned a = 0; a < D; ++a) coefficient_[e * D + a] *= scale * by_root_mass_[column_[e]];
+    });
+  }
+  double scale(std::size_t row) const { return length_[row] > 0 ? 1 / length_[row] : 0; }
+
+  template <unsigned D>
+  ConstraintReport solve_least_squares(const Options& options, ConstraintReport report) {
+    const std::size_t rows = row_.size(), unknowns = system_.node_count * D;
+    std::vector<double> change(unknowns, 0.0), slope(unknowns), direction, r(rows), q(rows);
+    for (std::size_t i = 0; i < rows; ++i) r[i] = scale(i) * residual_[i];
+    const double enough = options.tolerance * norm_in_full(r);
+    const std::uint32_t last = report.iterations + options.maximum_iterations;
+    transposed_product<D>(r, slope);
+    direction = slope;
+    double steepness = dot(slope, slope);
+    while (report.iterations < last && norm_in_full(r) > enough) {
+      // Nothing that can be changed reduces what is left of rows that contradict each other.
+      if (std::sqrt(steepness) <= 1e-3 * options.tolerance * norm(r)) break;
+      product<D>(direction, q);
+      const double step = steepness / dot(q, q);
+      if (!std::isfinite(step)) break;
+      for (std::size_t k = 0; k < unknowns; ++k) change[k] += step * direction[k];
+      for (std::size_t i = 0; i < rows; ++i) r[i] -= step * q[i];
+      transposed_product<D>(r, slope);
+      const double next = dot(slope, slope), turn = next / steepness;
+      steepness = next;
+      for (std::size_t k = 0; k < unknowns; ++k) direction[k] = slope[k] + turn * direction[k];
+      ++report.iterations;
     }
+    take_from_velocities<D>(change);
+    product<D>(change, q);
+    for (std::size_t i = 0; i < rows; ++i) r[i] = residual_[i] - length_[i] * q[i];
+    report.residual = norm(r) / norm(residual_);
+    return report;
   }
 
-  /// out = M^-1 B'^T S in
-  void multiply_transposed(const std::vector<double>& in, std::vector<double>& out) const {
-    std::fill(out.begin(), out.end(), 0.0);
-    std::size_t e = 0;
-    for (std::size_t i = 0; i < row_end_.size(); ++i)
-      for (; e < row_end_[i]; ++e)
-        for (unsigned a = 0; a < d_; ++a) out[column_[e] * d_ + a] += coefficient_[e * d_ + a] * in[i];
-    for (std::size_t k = 0; k < out.size(); ++k) out[k] /= mass_[k];
+  /// v = v* - M^-1/2 y
+  template <unsigned D>
+  void take_from_velocities(const std::vector<double>& y) {
+    for (std::size_t n = 0; n < system_.node_count; ++n)
+      for (unsigned a = 0; a < D; ++a)
+        if (y[n * D + a] != 0) system_.velocity[n * D + a] -= by_root_mass_[n] * y[n * D + a];
   }
 
-  // ---- with factors. A = S B' M^-1/2, by its rows (what is in row_end_, column_ and here) and by its nodes
+  // ---- with factors
 
+  /// Whether the velocities have been changed.
   template <unsigned D, class S>
-  ConstraintReport solve_by_factors(detail::ProjectionFactors<S>& factors, const Options& options) {
-    const std::size_t rows = row_end_.size();
-    ConstraintReport report;
-    report.rows = rows;
-    std::vector<double> scale(rows), by_root_mass(nodes_.size()), A(coefficient_.size());
-    for (std::size_t i = 0; i < rows; ++i) scale[i] = length_[i] > 0 ? 1 / length_[i] : 0;
-    for (std::size_t n = 0; n < nodes_.size(); ++n) by_root_mass[n] = 1 / std::sqrt(system_.mass[nodes_[n]]);
-    for (std::size_t i = 0, e = 0; i < rows; ++i)
-      for (; e < row_end_[i]; ++e)
-        for (unsigned a = 0; a < D; ++a) A[e * D + a] = coefficient_[e * D + a] * scale[i] * by_root_mass[column_[e]];
-
+  bool solve_by_factors(detail::ProjectionFactors<S>& factors, const Options& options, ConstraintReport& report) {
+    const std::size_t rows = row_.size();
+    std::vector<std::array<std::int32_t, 3>> cells(rows);
+    for (std::size_t i = 0; i < rows; ++i) cells[i] = row_[i].cell;
     const auto run = [threads = threads_of(system_)](std::size_t count, auto&& task) {
       threads.for_each(count, [&](std::uint64_t i) { task(std::size_t(i)); });
     };
     const double shift = std::max(options.relaxation, std::is_same_v<S, float> ? single_relaxation : double_relaxation);
-    const auto renew = [&] { factors.make(matrix<D, S>(A), cell_, S(shift), A.size(), run); };
-    std::uint32_t since = 0;  // iterations of this step with the factors
-    fresh_ = !factors.any() || factors.worn(0);
-    if (fresh_)
+    std::size_t coefficients = 0;
+    for (std::size_t i = 0; i < rows; ++i) coefficients += (end_[i] - begin_[i]) * D;
+    const auto renew = [&] { factors.make(matrix<D, S>(), cells, S(shift), coefficients, options.factor_bytes, run); };
+    bool fresh = factors.make_at_once(), replaced = false;  // the factors are of this step
+    std::uint32_t since = 0;                                // iterations of this step with the factors
+    if (fresh)
       renew();
     else
-      factors.match(cell_);
+      factors.match(cells);
 
     // (A A^T + relaxation) x = b until nothing but `enough` is left, rows in their own units; what is left is in b then.
-    std::vector<double> u(nodes_.size() * D), p, q(rows), z(rows);
+    std::vector<double> p, u(system_.node_count * D), q(rows), z(rows);
     const auto iterate = [&](std::vector<double>& b, std::vector<double>& x, double relaxation, double enough,
-                             std::uint32_t last) {
-      double rz = 0;
+                             std::uint32_t patience) {
+      double rz = 0, left = norm_in_full(b), best = left;
+      std::uint32_t without_success = 0;
       bool begun = false;
-      while (report.iterations < last && !(norm_in_full(b) <= enough)) {
-        if (since > 0 && factors.worn(since) && !fresh_) {
+      while (report.iterations < options.maximum_iterations && left > enough) {
+        if ((fresh || patience < many_iterations) && without_success >= patience) break;
+        if (!fresh && since > 0 && (factors.worn(since) || without_success >= patience)) {
           renew();
-          fresh_ = true;
-          since = 0;
+          fresh = replaced = true;
+          since = without_success = 0;
           begun = false;
         }
         factors.apply(b, z, run);
@@ -440,134 +642,173 @@ class Projection {
           p = z;
         begun = true;
         rz = next;
-        transposed_product<D>(A, p, u);
-        product<D>(A, u, q);
+        transposed_product<D>(p, u);
+        product<D>(u, q);
         for (std::size_t i = 0; i < rows; ++i) q[i] += relaxation * p[i];
         const double step = rz / dot(p, q);
         if (!std::isfinite(step)) break;
         for (std::size_t i = 0; i < rows; ++i) x[i] += step * p[i], b[i] -= step * q[i];
         ++report.iterations;
         ++since;
+        left = norm_in_full(b);
+        ++without_success;
+        if (left < 0.5 * best) {
+          best = left;
+          without_success = 0;
+        }
       }
+      return left <= enough;
     };
 
-    std::vector<double> rest(rows), lambda(rows, 0.0), u1(u.size());
-    for (std::size_t i = 0; i < rows; ++i) rest[i] = scale[i] * residual_[i];
+    std::vector<double> rest(rows), lambda(rows, 0.0), y(u.size());
+    for (std::size_t i = 0; i < rows; ++i) rest[i] = scale(i) * residual_[i];
     const double begun = norm(residual_);
-    iterate(rest, lambda, options.relaxation, options.tolerance * norm_in_full(rest), options.maximum_iterations);
-    factors.took(since);
-    transposed_product<D>(A, lambda, u1);
-    report.residual = begun > 0 ? std::hypot(norm_in_full(rest), held_norm()) / begun : 0;
+    const bool met = iterate(rest, lambda, options.relaxation, options.tolerance * norm_in_full(rest), patience);
+    transposed_product<D>(lambda, y);
 
-    // v = v* - u1 + theta w, w = M^-1 B'^T y: as much of w as keeps the kinetic energy at or below that of v*.
-    double theta = 0;
-    for (std::size_t i = 0; i < rows; ++i) rest[i] = scale[i] * correction_[i];
-    if (const double wanted = norm_in_full(rest); wanted > 0) {
-      std::vector<double> y(rows, 0.0);
-      iterate(rest, y, std::max(options.relaxation, single_relaxation), 0.1 * wanted, report.iterations + 20);
-      transposed_product<D>(A, y, u);
+    // v = v* - y + theta w in units of M^-1/2, A w the correction but for a hundredth: as much of w as keeps the kinetic energy
+    // at or below that of v*.
+    std::vector<double> correction(rows);
+    for (std::size_t i = 0; i < rows; ++i) correction[i] = scale(i) * row_[i].correction;
+    if (const double wanted = norm_in_full(correction); met && wanted > 0) {
+      std::vector<double> w(u.size());
+      std::fill(lambda.begin(), lambda.end(), 0.0);
+      iterate(correction, lambda, shift, 0.01 * wanted, 3);
+      transposed_product<D>(lambda, w);
       double taken = 0, mixed = 0, own = 0;
-      for (std::size_t n = 0; n < nodes_.size(); ++n)
-        for (unsigned a = 0; a < D; ++a) {
-          const std::size_t k = n * D + a;
-          const double v = velocity(k) / by_root_mass[n];
-          taken += (2 * v - u1[k]) * u1[k];
-          mixed += u[k] * (v - u1[k]);
-          own += u[k] * u[k];
-        }
-      if (own > 0) theta = std::min(1.0, (std::sqrt(mixed * mixed + own * std::max(taken, 0.0)) - mixed) / own);
-    } else {
-      std::fill(u.begin(), u.end(), 0.0);
+      for_unknowns<D>([&](std::size_t k, double v) {
+        taken += (2 * v - y[k]) * y[k];
+        mixed += w[k] * (v - y[k]);
+        own += w[k] * w[k];
+      });
+      const double theta = own > 0 ? std::min(1.0, (std::sqrt(mixed * mixed + own * std::max(taken, 0.0)) - mixed) / own) : 0;
+      for (std::size_t k = 0; k < y.size(); ++k) y[k] -= theta * w[k];
     }
-    for (std::size_t n = 0; n < nodes_.size(); ++n)
-      for (unsigned a = 0; a < D; ++a) {
-        const double change = by_root_mass[n] * (theta * u[n * D + a] - u1[n * D + a]);
-        if (change != 0) velocity(n * D + a) += change;
-      }
-    return report;
+    if (since > 0) factors.took(since, replaced);
+    if (std::is_same_v<S, float> && fresh && factors.complete() && since > many_iterations) memory_->precise_ = true;
+    if (!met && options.relaxation == 0) return false;
+    report.residual = begun > 0 ? std::hypot(norm_in_full(rest), held_norm()) / begun : 0;
+    take_from_velocities<D>(y);
+    return true;
+  }
+
+  /// Calls visit(k, k-th component of M^1/2 v*).
+  template <unsigned D, class Visit>
+  void for_unknowns(Visit visit) const {
+    for (std::size_t n = 0; n < system_.node_count; ++n)
+      for (unsigned a = 0; a < D; ++a) visit(n * D + a, system_.velocity[n * D + a] / by_root_mass_[n]);
   }
 
   /// A A^T, lower triangle
   template <unsigned D, class S>
-  SymmetricRows<S> matrix(const std::vector<double>& A) const {
-    const std::size_t rows = row_end_.size();
-    std::vector<std::size_t> begin(nodes_.size() + 1, 0);
-    for (const std::uint32_t n : column_) ++begin[n + 1];
-    for (std::size_t n = 0; n < nodes_.size(); ++n) begin[n + 1] += begin[n];
+  SymmetricRows<S> matrix() const {
+    const std::size_t rows = row_.size();
     struct Entry {
       std::uint32_t row;
       std::array<S, D> value;
     };
-    std::vector<Entry> of_node(column_.size());  // of those rows that are done, up to `end`
+    // The entries of each node, in the order of the rows
+    std::vector<std::size_t> begin(system_.node_count + 1, 0);
+    for (std::size_t i = 0; i < rows; ++i)
+      for (std::size_t e = begin_[i]; e < end_[i]; ++e) ++begin[column_[e] + 1];
+    for (std::size_t n = 0; n + 1 < begin.size(); ++n) begin[n + 1] += begin[n];
+    std::vector<Entry> of_node(begin.back());
     std::vector<std::size_t> end(begin.begin(), begin.end() - 1);
-    SymmetricRows<S> result;
-    result.begin.reserve(rows + 1);
-    result.begin.push_back(0);
-    std::vector<S> sum(rows, 0);
-    std::vector<std::uint32_t> reached, seen(rows, absent);
-    for (std::uint32_t i = 0, e = 0; i < rows; ++i) {
-      reached.clear();
-      for (; e < row_end_[i]; ++e) {
-        Entry entry{i, {}};
+    for (std::size_t i = 0; i < rows; ++i)
+      for (std::size_t e = begin_[i]; e < end_[i]; ++e) {
+        Entry entry{std::uint32_t(i), {}};
         bool any = false;
         for (unsigned a = 0; a < D; ++a) {
-          entry.value[a] = S(A[e * D + a]);
+          entry.value[a] = S(coefficient_[e * D + a]);
           any = any || entry.value[a] != 0;
         }
-        if (!any) continue;
-        const std::uint32_t n = column_[e];
-        of_node[end[n]++] = entry;
-        for (std::size_t k = begin[n]; k < end[n]; ++k) {
-          const Entry& other = of_node[k];
-          S product = 0;
-          for (unsigned a = 0; a < D; ++a) product += entry.value[a] * other.value[a];
-          sum[other.row] += product;
-          if (seen[other.row] != i) {
-            seen[other.row] = i;
-            reached.push_back(other.row);
+        if (any) of_node[end[column_[e]]++] = entry;
+      }
+
+    constexpr std::size_t pieces = 16;
+    struct Piece {
+      std::vector<std::size_t> end;
+      std::vector<std::uint32_t> column;
+      std::vector<S> value;
+    };
+    std::array<Piece, pieces> piece;
+    threads_of(system_).for_each(pieces, [&](std::uint64_t k) {
+      Piece& own = piece[k];
+      constexpr std::uint32_t never = ~std::uint32_t(0);
+      std::vector<S> sum(rows, 0);
+      std::vector<std::uint32_t> reached, seen(rows, never);
+      for (std::size_t i = rows * k / pieces; i < rows * (k + 1) / pieces; ++i) {
+        reached.assign(1, std::uint32_t(i));
+        seen[i] = std::uint32_t(i);
+        for (std::size_t e = begin_[i]; e < end_[i]; ++e) {
+          const std::uint32_t n = column_[e];
+          std::array<S, D> mine;
+          bool any = false;
+          for (unsigned a = 0; a < D; ++a) {
+            mine[a] = S(coefficient_[e * D + a]);
+            any = any || mine[a] != 0;
+          }
+          if (!any) continue;
+          for (std::size_t o = begin[n]; o < end[n] && of_node[o].row <= i; ++o) {
+            const Entry& other = of_node[o];
+            S product = 0;
+            for (unsigned a = 0; a < D; ++a) product += mine[a] * other.value[a];
+            sum[other.row] += product;
+            if (seen[other.row] != i) {
+              seen[other.row] = std::uint32_t(i);
+              reached.push_back(other.row);
+            }
           }
         }
+        std::sort(reached.begin(), reached.end());
+        for (const std::uint32_t j : reached) {
+          own.column.push_back(j);
+          own.value.push_back(sum[j]);
+          sum[j] = 0;
+        }
+        own.end.push_back(own.column.size());
       }
-      if (seen[i] != i) reached.push_back(i);
-      std::sort(reached.begin(), reached.end());
-      for (const std::uint32_t j : reached) {
-        result.column.push_back(j);
-        result.value.push_back(sum[j]);
-        sum[j] = 0;
-      }
-      result.begin.push_back(result.column.size());
+    });
+    SymmetricRows<S> result;
+    result.begin.push_back(0);
+    for (const Piece& own : piece) {
+      const std::size_t before = result.column.size();
+      for (const std::size_t e : own.end) result.begin.push_back(before + e);
+      result.column.insert(result.column.end(), own.column.begin(), own.column.end());
+      result.value.insert(result.value.end(), own.value.begin(), own.value.end());
     }
     return result;
   }
 
-  /// Calls part(first row, last row, number of the part) for a few parts of the rows, in parallel.
-  template <class Part>
-  void for_parts(Part part) const {
-    const std::size_t rows = row_end_.size();
-    threads_of(system_).for_each(parts,
-                                 [&](std::uint64_t k) { part(rows * k / parts, rows * (k + 1) / parts, std::size_t(k)); });
-  }
-  template <unsigned D>
-  void product(const std::vector<double>& A, const std::vector<double>& in, std::vector<double>& out) const {
-    for_parts([&](std::size_t first, std::size_t last, std::size_t) {
-      for (std::size_t i = first, e = first ? row_end_[first - 1] : 0; i < last; ++i) {
-        std::array<double, D> sum{};
-        for (; e < row_end_[i]; ++e)
-          for (unsigned a = 0; a < D; ++a) sum[a] += A[e * D + a] * in[column_[e] * D + a];
-        double whole = 0;
-        for (unsigned a = 0; a < D; ++a) whole += sum[a];
-        out[i] = whole;
-      }
+  /// work(row), in parallel
+  template <class Work>
+  void for_rows(Work work) const {
+    threads_of(system_).for_ranges(row_.size(), 256, [&](std::uint64_t first, std::uint64_t last) {
+      for (std::uint64_t i = first; i < last; ++i) work(std::size_t(i));
     });
   }
+  /// out = A in
   template <unsigned D>
-  void transposed_product(const std::vector<double>& A, const std::vector<double>& in, std::vector<double>& out) {
-    for_parts([&](std::size_t first, std::size_t last, std::size_t part) {
+  void product(const std::vector<double>& in, std::vector<double>& out) const {
+    for_rows([&](std::size_t i) {
+      std::array<double, D> sum{};
+      for (std::size_t e = begin_[i]; e < end_[i]; ++e)
+        for (unsigned a = 0; a < D; ++a) sum[a] += coefficient_[e * D + a] * in[column_[e] * D + a];
+      double whole = 0;
+      for (unsigned a = 0; a < D; ++a) whole += sum[a];
+      out[i] = whole;
+    });
+  }
+  /// out = A^T in, as a few sums one after another whatever the number of threads
+  template <unsigned D>
+  void transposed_product(const std::vector<double>& in, std::vector<double>& out) {
+    const std::size_t rows = row_.size();
+    threads_of(system_).for_each(parts, [&](std::uint64_t part) {
       std::vector<double>& sum = part_sums_[part];
       sum.assign(out.size(), 0);
-      for (std::size_t i = first, e = first ? row_end_[first - 1] : 0; i < last; ++i)
-        for (; e < row_end_[i]; ++e)
-          for (unsigned a = 0; a < D; ++a) sum[column_[e] * D + a] += A[e * D + a] * in[i];
+      for (std::size_t i = rows * part / parts; i < rows * (part + 1) / parts; ++i)
+        for (std::size_t e = begin_[i]; e < end_[i]; ++e)
+          for (unsigned a = 0; a < D; ++a) sum[column_[e] * D + a] += coefficient_[e * D + a] * in[i];
     });
     for (std::size_t k = 0; k < out.size(); ++k) {
       out[k] = 0;
@@ -580,12 +821,6 @@ class Projection {
     for (std::size_t i = 0; i < length_.size(); ++i)
       if (length_[i] == 0) sum += residual_[i] * residual_[i];
     return std::sqrt(sum);
-  }
-
-  double squared_by_mass(const std::vector<double>& u) const {
-    double sum = 0;
-    for (std::size_t k = 0; k < u.size(); ++k) sum += mass_[k] * u[k] * u[k];
-    return sum;
   }
   /// |S^-1 r|, rows that are held left out.
   double norm_in_full(const std::vector<double>& r) const {
@@ -602,21 +837,16 @@ class Projection {
 
   const cleave_constraint_system& system_;
   unsigned d_;
-  std::vector<std::uint32_t> number_of_node_;   // among the nodes that occur in rows, absent: none
-  std::vector<std::uint64_t> nodes_;            // by number
-  std::vector<std::uint32_t> entry_of_number_;  // in the present row
-  Row row_;
-  std::vector<std::size_t> row_end_;  // rows as entries one after another: a column, and d coefficients
+  std::vector<std::size_t> entry_of_node_;  // the last that a node had
+  std::vector<Row> row_;
+  std::vector<std::size_t> begin_, end_;  // of each row, its entries: a node, and d coefficients
   std::vector<std::uint32_t> column_;
   std::vector<double> coefficient_;
-  std::vector<double> residual_, length_, correction_;  // B v* - c and 1/S, of each row
-  std::vector<std::array<std::int32_t, 3>> cell_;
-  double squared_magnitude_ = 0;
-  std::vector<double> mass_;  // of each unknown
+  std::vector<double> residual_, length_, squared_magnitude_;  // B v* - c and 1/S, of each row, and what it is the sum of
+  std::vector<double> by_root_mass_;                           // of each node
   static constexpr std::size_t parts = 4;
   std::array<std::vector<double>, parts> part_sums_;
   ProjectionMemory* memory_ = nullptr;
-  bool fresh_ = false;  // the factors are of this step
 };
 
 }  // namespace cleave

@@ -23,6 +23,15 @@ struct SymmetricRows {
   std::vector<S> value;
 
   std::size_t size() const { return begin.empty() ? 0 : begin.size() - 1; }
+  bool is_lower_triangle() const {
+    if (begin.empty() || begin.front() != 0 || begin.back() != column.size()) return false;
+    for (std::size_t i = 0; i < size(); ++i) {
+      if (begin[i] >= begin[i + 1] || begin[i + 1] > column.size() || column[begin[i + 1] - 1] != i) return false;
+      for (std::size_t e = begin[i]; e + 1 < begin[i + 1]; ++e)
+        if (column[e] >= column[e + 1]) return false;
+    }
+    return true;
+  }
 };
 
 namespace detail {
@@ -196,19 +205,14 @@ class SparseCholesky {
         entries[at[low]++] = {high, A.value[e] + (low == high ? shift : 0)};
       }
 
-    struct Scratch {
-      detail::DenseCholesky<S> dense;
-      std::vector<std::uint32_t> position, target;
-      std::vector<S> matrix;
-    };
-    std::vector<std::vector<S>> updates(fronts_.size());
+    std::vector<std::vector<S>> matrices(fronts_.size());  // of the fronts whose updates are still to be taken
     const auto factor_front = [&](std::size_t f, Scratch& scratch) {
       std::vector<std::uint32_t>&position = scratch.position, &target = scratch.target;
-      std::vector<S>& matrix = scratch.matrix;
       position.resize(n);
       const Front& front = fronts_[f];
       const std::size_t k = front.count, m = k + front.border.size();
-      matrix.assign(m * m, 0);
+      std::vector<S> matrix = scratch.take(m * m);
+      for (std::size_t c = 0; c < m; ++c) std::fill_n(matrix.data() + c * m + c, m - c, S(0));
       for (std::size_t i = 0; i < front.border.size(); ++i) position[front.border[i]] = std::uint32_t(k + i);
       const auto row_of = [&](std::uint32_t number) -> std::size_t {
         return number < front.first + k ? number - front.first : position[number];
@@ -218,31 +222,40 @@ class SparseCholesky {
           matrix[c * m + row_of(entries[e].first)] = entries[e].second;
       for (const std::uint32_t child : front.children) {
         const auto& border = fronts_[child].border;
-        const std::size_t size = border.size();
+        const std::size_t size = border.size(), done = fronts_[child].count, stride = done + size;
         target.resize(size);
         for (std::size_t i = 0; i < size; ++i) target[i] = std::uint32_t(row_of(border[i]));
         for (std::size_t c = 0; c < size; ++c) {
-          const S* from = updates[child].data() + c * size;
+          const S* from = matrices[child].data() + (done + c) * stride + done;
           S* column = matrix.data() + target[c] * m;
           for (std::size_t i = c; i < size; ++i) column[target[i]] += from[i];
         }
-        updates[child] = {};
+        scratch.give(std::move(matrices[child]));
       }
       scratch.dense.factor(matrix.data(), m, k, shift);
       for (std::size_t c = 0; c < k; ++c)
         std::copy_n(matrix.data() + c * m + c, m - c, factor_.data() + front.entries + c * m - c * (c - 1) / 2);
-      if (front.border.empty()) return;
-      auto& update = updates[f];
-      update.resize((m - k) * (m - k));
-      for (std::size_t c = 0; c < m - k; ++c)
-        std::copy_n(matrix.data() + (k + c) * m + k + c, m - k - c, update.data() + c * (m - k) + c);
+      if (front.border.empty())
+        scratch.give(std::move(matrix));
+      else
+        matrices[f] = std::move(matrix);
     };
+    scratch_.resize(trees_.size() + 1);
     run(trees_.size(), [&](std::size_t t) {
-      Scratch scratch;
-      for (std::size_t f = trees_[t].first; f <= trees_[t].root; ++f) factor_front(f, scratch);
+      for (std::size_t f = trees_[t].first; f <= trees_[t].root; ++f) factor_front(f, scratch_[t]);
     });
-    Scratch scratch;
-    for (const std::uint32_t f : trunk_) factor_front(f, scratch);
+    Scratch& of_trunk = scratch_.back();
+    for (const std::uint32_t f : trunk_) factor_front(f, of_trunk);
+    for (std::size_t t = 0; t < trees_.size() && of_trunk.free.size() > 1; ++t) scratch_[t].give(of_trunk.take(0));
+  }
+
+  /// The numbers of L, to go on with those of another.
+  std::vector<S> values() const { return {factor_.begin(), factor_.begin() + std::ptrdiff_t(entries_)}; }
+  /// After the same analysis. False if they are not as many as L has.
+  bool take(std::vector<S> values) {
+    if (values.size() != entries_) return false;
+    factor_ = std::move(values);
+    return true;
   }
 
   /// x becomes (A + shift I)^-1 x, nearly.
@@ -284,6 +297,24 @@ class SparseCholesky {
     std::size_t entries = 0;              // where their columns of L begin
   };
   static constexpr std::size_t leaf = 96;
+  /// What a task works with, kept for the next factors.
+  struct Scratch {
+    detail::DenseCholesky<S> dense;
+    std::vector<std::uint32_t> position, target;
+    std::vector<std::vector<S>> free;
+
+    /// At least so many numbers, of any value.
+    std::vector<S> take(std::size_t size) {
+      std::vector<S> found;
+      if (!free.empty()) {
+        found = std::move(free.back());
+        free.pop_back();
+      }
+      if (found.size() < size) found.resize(size);
+      return found;
+    }
+    void give(std::vector<S> no_longer_needed) { free.push_back(std::move(no_longer_needed)); }
+  };
   /// Fronts first..root and what is below them, independent of all others up to the root.
   struct Tree {
     std::size_t first, root;
@@ -454,6 +485,7 @@ class SparseCholesky {
   std::vector<S> factor_;
   std::size_t entries_ = 0;
   double work_ = 0;
+  std::vector<Scratch> scratch_;
   std::vector<Tree> trees_;
   std::vector<std::uint32_t> trunk_;  // fronts, children before parents
   // while a matrix is analyzed
@@ -461,6 +493,78 @@ class SparseCholesky {
   std::vector<std::uint32_t> neighbours_;
   std::vector<std::uint32_t> side_;
   std::uint32_t next_ = 0;
+};
+
+/// A = L L^T as far as the pattern of A goes (Meijerink and van der Vorst 1977), with as much added to the diagonal as it takes
+/// for pivots to be positive (Manteuffel 1980). Memory and work grow in proportion to the number of rows.
+template <class S>
+class IncompleteCholesky {
+ public:
+  /// Of A + shift I.
+  void factor(const SymmetricRows<S>& A, S shift) {
+    factor_.begin = A.begin;
+    factor_.column = A.column;
+    factor_.value.resize(A.value.size());
+    while (!try_factor(A, shift)) shift = std::max(S(1e-3), 4 * shift);
+  }
+
+  /// Multiplications in factor(), nearly.
+  double work() const { return work_; }
+  std::size_t size() const { return factor_.size(); }
+
+  const std::vector<S>& values() const { return factor_.value; }
+  /// False if they are not as many as A has.
+  bool take(const SymmetricRows<S>& A, std::vector<S> values) {
+    if (values.size() != A.column.size()) return false;
+    factor_ = {A.begin, A.column, std::move(values)};
+    return true;
+  }
+
+  /// x becomes (L L^T)^-1 x.
+  void solve(std::vector<S>& x) const {
+    const std::size_t n = size();
+    const auto& [begin, column, value] = factor_;
+    for (std::size_t i = 0; i < n; ++i) {
+      const std::size_t diagonal = begin[i + 1] - 1;
+      S sum = x[i];
+      for (std::size_t e = begin[i]; e < diagonal; ++e) sum -= value[e] * x[column[e]];
+      x[i] = sum / value[diagonal];
+    }
+    for (std::size_t i = n; i-- > 0;) {
+      const std::size_t diagonal = begin[i + 1] - 1;
+      const S found = x[i] /= value[diagonal];
+      for (std::size_t e = begin[i]; e < diagonal; ++e) x[column[e]] -= value[e] * found;
+    }
+  }
+
+ private:
+  /// Row by row. False if next to nothing of a diagonal is left as the pivot.
+  bool try_factor(const SymmetricRows<S>& A, S shift) {
+    const auto& [begin, column, value] = factor_;
+    std::vector<S> row(A.size(), 0);  // of L, at the columns it has so far
+    work_ = 0;
+    for (std::size_t i = 0; i < A.size(); ++i) {
+      const std::size_t diagonal = begin[i + 1] - 1;
+      S pivot = A.value[diagonal] + shift;
+      const S least = S(1e-3) * pivot;
+      for (std::size_t e = begin[i]; e < diagonal; ++e) {
+        const std::size_t j = column[e], diagonal_of_j = begin[j + 1] - 1;
+        S sum = A.value[e];
+        for (std::size_t k = begin[j]; k < diagonal_of_j; ++k) sum -= value[k] * row[column[k]];
+        work_ += double(diagonal_of_j - begin[j]);
+        const S found = sum / value[diagonal_of_j];
+        row[j] = factor_.value[e] = found;
+        pivot -= found * found;
+      }
+      for (std::size_t e = begin[i]; e < diagonal; ++e) row[column[e]] = 0;
+      if (!(pivot > least)) return false;
+      factor_.value[diagonal] = std::sqrt(pivot);
+    }
+    return true;
+  }
+
+  SymmetricRows<S> factor_;
+  double work_ = 0;
 };
 
 }  // namespace cleave
