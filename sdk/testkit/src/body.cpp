@@ -88,6 +88,7 @@ cleave_body Body::abi() const {
   body.vertices = data(vertices);
   body.tetrahedron_count = tetrahedra.size() / 4;
   body.tetrahedra = data(tetrahedra);
+  body.vertex_velocity = data(vertex_velocity);
   return body;
 }
 
@@ -144,12 +145,14 @@ Form::Form(Context& context, const Settings& settings) {
     return scene.try_add(body, words) == CLEAVE_OK;
   };
   std::string no_points, no_mesh;
-  mesh_ = !takes(lattice(4), &no_points);
+  const bool needs_mesh = context.plugin().can(CLEAVE_NEEDS_TETRAHEDRA);
+  mesh_ = needs_mesh || !takes(lattice(4), &no_points);
   if (mesh_ && !takes(tetrahedra(3), &no_mesh))
-    context.skip("takes neither a lattice of points (" + no_points + ") nor a cube of tetrahedra (" + no_mesh +
-                 "), see discretization.bodies");
-  context.remark(mesh_ ? "with cubes of tetrahedra, for it refuses lattices of points: " + no_points
-                       : "with lattices of points");
+    context.skip("takes neither a lattice of points (" + (needs_mesh ? "it needs tetrahedra" : no_points) +
+                 ") nor a cube of tetrahedra (" + no_mesh + "), see discretization.bodies");
+  context.remark(needs_mesh ? "with cubes of tetrahedra"
+                 : mesh_    ? "with cubes of tetrahedra, for it refuses lattices of points: " + no_points
+                            : "with lattices of points");
 }
 
 Body Form::body(int lattice_cells, int mesh_cells, const Point& corner) const {
@@ -171,11 +174,25 @@ void Scene::add(const Body& body) {
     throw Failed{"add_body() refuses " + body.described() + " with result " + std::to_string(result) + ": " + words};
 }
 
+cleave_body Scene::lent(const Body& body) {
+  cleave_body given = body.abi();
+  laws_.push_back(context_.plugin().can(CLEAVE_NEEDS_ELASTICITY) ? std::make_unique<LentElasticity>(body.points()) : nullptr);
+  if (laws_.back()) {
+    laws_.back()->stiffness = stiffness;
+    given.elasticity = laws_.back()->get();
+  }
+  if (threads) given.threads = threads->get();
+  return given;
+}
+
 cleave_result Scene::try_add(const Body& body, std::string* words) {
   Words said;
-  const cleave_body given = body.abi();
+  const cleave_body given = lent(body);
   const cleave_result result = table().add_body(instance_.handle(), &given, &said.message);
-  if (result == CLEAVE_OK) bodies_.push_back(body);
+  if (result == CLEAVE_OK)
+    bodies_.push_back(body);
+  else
+    laws_.pop_back();
   if (words) *words = said.said();
   return result;
 }
@@ -188,13 +205,18 @@ double Scene::stable_step() {
 
 void Scene::step(double time_step) {
   Surroundings user{*this, ""};
-  const cleave_surroundings surroundings{
-      sizeof surroundings,   0,      {gravity[0], gravity[1], gravity[2]}, &user, &Surroundings::collide,
-      &Surroundings::handle, nullptr};
+  const cleave_surroundings surroundings{sizeof surroundings,
+                                         0,
+                                         {gravity[0], gravity[1], gravity[2]},
+                                         &user,
+                                         &Surroundings::collide,
+                                         &Surroundings::handle,
+                                         threads ? threads->get() : nullptr};
   Words words;
   const cleave_result result = table().step(instance_.handle(), time_step, &surroundings, &words.message);
   if (result != CLEAVE_OK) throw Failed{"step() fails with result " + std::to_string(result) + ": " + words.said()};
   if (!user.wrong.empty()) throw Failed{user.wrong};
+  if (threads && !threads->misuse().empty()) throw Failed{threads->misuse()};
 }
 
 Fields Scene::fields(std::size_t body) const {

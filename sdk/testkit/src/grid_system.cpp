@@ -249,7 +249,7 @@ Projection project(const ConstraintInstance& instance, const GridSystem& system)
                                       data(copy.velocity_gradient),
                                       data(copy.nodes),
                                       nullptr,
-                                      nullptr};
+                                      system.threads};
   Projection projection;
   projection.report.struct_size = sizeof projection.report;
   Words words;

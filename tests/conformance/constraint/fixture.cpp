@@ -171,6 +171,12 @@ struct CellFibers {
     double scale = 1 + 1e-10 * double(++projections);
     if (broken("counts_calls")) scale += 1e-9 * ++calls;
     if (broken("goes_too_far")) scale = 1.001;
+    if (broken("sums_as_threads_come")) {
+      double sum = 0;
+      cleave::Threads(s.threads).for_ranges(
+          s.particle_count, 64, [&](std::uint64_t first, std::uint64_t) { sum = 0.5 * sum + 1e-13 * double(first + 1); });
+      scale += sum;
+    }
     const std::vector<double> correction = push(s, B, lambda);
     for (std::size_t i = 0; i < correction.size(); ++i) {
       if (correction[i] == 0) continue;

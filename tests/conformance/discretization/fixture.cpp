@@ -6,12 +6,14 @@
 #include <cmath>
 #include <cstdlib>
 #include <cstring>
+#include <map>
 #include <stdexcept>
 
 namespace {
 
 /// Points joined by springs to their neighbours within 1.5 spacings, to be broken: the force of a bond is
 ///   f = k (|y| - |xi|) y/|y|,  xi at rest, y as it is.
+/// Of a body of tetrahedra what has moved by more than an edge is a piece of its own.
 struct Springs {
   static constexpr cleave::About about{.id = "discretization/fixture", .version = "1.0.0", .summary = "Springs to be broken"};
   static constexpr double stiffness = 1e3;  ///< N/m
@@ -25,11 +27,32 @@ struct Springs {
     std::vector<double> position, velocity, mass;
     std::vector<Bond> bonds;
     std::vector<std::uint32_t> tetrahedra;
+    std::vector<double> rest, vertices;
+    double edge = 0;
+    std::optional<cleave::ElasticResponse> law;
     double step = 1e-3;
     const double* kept = nullptr;
   };
   std::vector<Body> bodies;
   static inline int steps_of_all = 0;
+
+  static std::vector<double> identities(std::size_t count) {
+    std::vector<double> F(9 * count);
+    for (std::size_t c = 0; c < F.size(); ++c) F[c] = c % 9 % 4 == 0 ? 1 : 0;
+    return F;
+  }
+  /// Asks the law for the stress of the points at rest.
+  static void look_at_law(const Body& body) {
+    if (!body.law || broken("elastic_ignored")) return;
+    const std::size_t count = body.mass.size() + (broken("elastic_beyond") ? 1 : 0);
+    std::vector<double> P(9 * count);
+    try {
+      body.law->evaluate(0, identities(count), {}, P);
+    } catch (const std::exception&) {
+      if (broken("elastic_reworded")) throw std::runtime_error("something is wrong");
+      if (!broken("elastic_swallowed")) throw;
+    }
+  }
 
   static double norm(const std::array<double, 3>& a) { return std::sqrt(a[0] * a[0] + a[1] * a[1] + a[2] * a[2]); }
 
@@ -46,11 +69,22 @@ struct Springs {
     if (broken("starts_at_rest")) std::fill(body.velocity.begin(), body.velocity.end(), 0.0);
     body.kept = given.velocity;
     body.tetrahedra.assign(given.tetrahedra, given.tetrahedra + 4 * given.tetrahedron_count);
+    body.vertices.assign(given.vertices, given.vertices + 3 * given.vertex_count);
+    body.rest = body.position;
+    body.edge = given.spacing;
+    // How stiff springs are follows the elastic law of the material, if there is one.
+    double scale = 1;
+    body.law = cleave::elasticity_of(given);
+    if (body.law && n > 0 && !broken("elastic_ignored")) {
+      double modulus;
+      body.law->wave_modulus(0, identities(1), {&modulus, 1});
+      scale = modulus / 7e5;
+    }
     std::vector<double> sum(n);
     for (std::size_t i = 0; i < n; ++i) {
       body.mass.push_back(given.density * given.volume[i]);
       for (std::size_t j = i + 1; j < n; ++j) {
-        Bond bond{i, j, {}, stiffness};
+        Bond bond{i, j, {}, scale * stiffness};
         for (std::size_t a = 0; a < 3; ++a) bond.rest[a] = given.position[3 * j + a] - given.position[3 * i + a];
         if (norm(bond.rest) > 1.5 * given.spacing) continue;
         if (broken("uneven_springs") || broken("uneven_springs_of_mesh"))
@@ -92,6 +126,17 @@ struct Springs {
     for (std::size_t b = 0; b < bodies.size(); ++b) {
       Body& body = bodies[b];
       auto &x = body.position, &v = body.velocity;
+      look_at_law(body);
+      if (broken("sums_as_threads_come") && !v.empty()) {
+        double sum = 0;
+        world.threads().for_ranges(body.mass.size(), 64,
+                                   [&](std::uint64_t first, std::uint64_t) { sum = 0.9 * sum + 1e-12 * v[3 * first]; });
+        v[0] += sum;
+      }
+      if (broken("threads_in_threads"))
+        world.threads().for_ranges(body.mass.size(), 64, [&](std::uint64_t, std::uint64_t) {
+          world.threads().for_ranges(1, 1, [](std::uint64_t, std::uint64_t) {});
+        });
       if (broken("keeps_body_arrays") && body.kept && body.kept[0] == 12345) v[0] = 0;
       for (const Bond& bond : body.bonds) {
         std::array<double, 3> y;
@@ -143,10 +188,60 @@ struct Springs {
     return all;
   }
 
+  /// Of what surface() shows; vertices of the piece that has moved follow those of the rest.
+  mutable std::vector<double> shown, damage;
+  mutable std::vector<std::uint32_t> triangles, shown_tetrahedra, piece;
+
   std::optional<cleave::SurfaceMesh> surface(std::uint64_t index) const {
-    static constexpr std::uint32_t sound[] = {0, 1, 2}, beyond[] = {0, 1, 1000000};
-    if (index >= bodies.size() || bodies[index].mass.size() < 3 || broken("no_surface")) return {};
-    return cleave::SurfaceMesh{bodies[index].position, broken("dangling_triangle") ? beyond : sound};
+    if (index >= bodies.size() || bodies[index].tetrahedra.empty() || broken("no_surface")) return {};
+    const Body& body = bodies[index];
+    const auto count = std::uint32_t(body.vertices.size() / 3);
+    shown = body.vertices;
+    shown_tetrahedra = body.tetrahedra;
+    piece.assign(count, 0);
+    const std::size_t points = body.mass.size();
+    for (std::size_t i = 0; i < points; ++i) {
+      if (std::abs(body.position[3 * i] - body.rest[3 * i]) < body.edge) continue;
+      if (shown.size() == body.vertices.size()) {
+        shown.insert(shown.end(), body.vertices.begin(), body.vertices.end());
+        piece.resize(2 * count, broken("one_number_for_all_pieces") ? 0 : broken("numbers_pieces_from_one") ? 2 : 1);
+      }
+      for (std::size_t c = 4 * i; c < 4 * i + 4; ++c) {
+        const std::uint32_t vertex = body.tetrahedra[c];
+        for (std::size_t a = 0; a < 3; ++a)
+          shown[3 * (count + vertex) + a] = body.vertices[3 * vertex + a] + body.position[3 * i + a] - body.rest[3 * i + a];
+        if (!broken("stays_in_one_piece")) shown_tetrahedra[c] = count + vertex;
+      }
+    }
+    triangles.clear();
+    constexpr int faces[4][3] = {{1, 2, 3}, {0, 3, 2}, {0, 1, 3}, {0, 2, 1}};
+    std::map<std::array<std::uint32_t, 3>, std::pair<int, std::array<std::uint32_t, 3>>> all;
+    for (std::size_t i = 0; i < points; ++i)
+      for (const auto& face : faces) {
+        std::array<std::uint32_t, 3> corners, sorted;
+        for (std::size_t k = 0; k < 3; ++k) corners[k] = shown_tetrahedra[4 * i + std::size_t(face[k])];
+        sorted = corners;
+        std::sort(sorted.begin(), sorted.end());
+        auto& [times, seen] = all[sorted];
+        ++times;
+        seen = corners;
+      }
+    for (const auto& [sorted, face] : all)
+      if (face.first == 1) triangles.insert(triangles.end(), face.second.begin(), face.second.end());
+    if (broken("turned_triangle")) std::swap(triangles[0], triangles[1]);
+    if (broken("looks_inwards"))
+      for (std::size_t t = 0; t < triangles.size(); t += 3) std::swap(triangles[t], triangles[t + 1]);
+    if (broken("triangle_twice")) triangles.insert(triangles.end(), triangles.begin(), triangles.begin() + 3);
+    if (broken("hole")) triangles.resize(triangles.size() - 3);
+    if (broken("dangling_triangle")) triangles[0] = 1000000;
+    if (broken("loses_tetrahedron")) shown_tetrahedra.resize(shown_tetrahedra.size() - 4);
+    damage.assign(shown.size() / 3, broken("damage_above_one") ? 2 : 0);
+    return cleave::SurfaceMesh{.vertices = shown,
+                               .triangles = triangles,
+                               .velocity = {},
+                               .damage = damage,
+                               .piece = piece,
+                               .tetrahedra = shown_tetrahedra};
   }
 
   static constexpr std::uint64_t magic = 0x53676e6972707331;
@@ -222,6 +317,11 @@ extern "C" CLEAVE_EXPORT cleave_result cleave_plugin_entry(const cleave_host* ho
   const cleave_result result = Plugin::entry(host, plugin);
   if (result != CLEAVE_OK) return result;
   static cleave_plugin changed = **plugin;
+  static cleave_schema schema = *changed.schema;
+  for (const char* name : {"elastic", "elastic_ignored", "elastic_beyond", "elastic_swallowed", "elastic_reworded"})
+    if (broken(name)) schema.capabilities |= CLEAVE_NEEDS_ELASTICITY;
+  if (broken("says_it_needs_mesh")) schema.capabilities |= CLEAVE_NEEDS_TETRAHEDRA;
+  changed.schema = &schema;
   changed.kind = &kind;
   *plugin = &changed;
   return result;

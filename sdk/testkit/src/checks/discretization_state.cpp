@@ -40,12 +40,14 @@ std::string first_difference(const Snapshot& a, const Snapshot& b) {
 
 /// Two bodies that fall, one of them held at a side, both shaken.
 struct Play {
-  Play(Context& context, const Settings& settings, const Form& form, Random& random)
-      : bodies{form.body(4, 2), form.body(3, 3, {0.5, -0.2, 0.5})}, step(quiet_step(context, settings, bodies[0])) {
+  Play(Context& context, const Settings& settings, const Form& form, Random& random, bool large = false)
+      : bodies{large ? form.body(11, 6) : form.body(4, 2), form.body(3, 3, {0.5, -0.2, 0.5})},
+        step(quiet_step(context, settings, bodies[0])) {
     for (Body& body : bodies) shake(body, random, 1e-3 * body.edge / step);
   }
-  std::unique_ptr<Scene> begin(Context& context, const Settings& settings) const {
+  std::unique_ptr<Scene> begin(Context& context, const Settings& settings, const LentThreads* threads = nullptr) const {
     auto scene = std::make_unique<Scene>(context, settings);
+    scene->threads = threads;
     for (const Body& body : bodies) scene->add(body);
     scene->gravity = {0, 0, -1e-4 * bodies[0].edge / (step * step)};
     scene->handle = [this](std::size_t body, const Point& rest, Motion& motion) {
@@ -215,7 +217,8 @@ void takes_bodies(Context& context) {
     context.doing("given " + body.described());
     return scene.try_add(body, &words) == CLEAVE_OK;
   };
-  const bool points = takes(lattice(4), no_points), mesh = takes(tetrahedra(3), no_mesh);
+  const bool points = !context.plugin().can(CLEAVE_NEEDS_TETRAHEDRA) && takes(lattice(4), no_points),
+             mesh = takes(tetrahedra(3), no_mesh);
   if (!points && !mesh)
     context.fail("takes neither a lattice of points (" + no_points + ") nor a cube of tetrahedra (" + no_mesh + ")");
 
@@ -268,6 +271,11 @@ void surface_valid(Context& context) {
         if (surface.triangles[i] >= surface.vertex_count)
           context.fail(of + " has a triangle with vertex " + std::to_string(surface.triangles[i]) + " of " +
                        std::to_string(surface.vertex_count));
+      for (std::uint64_t i = 0; surface.velocity && i < 3 * surface.vertex_count; ++i)
+        if (!std::isfinite(surface.velocity[i])) context.fail(of + " has velocities that are not finite");
+      for (std::uint64_t i = 0; surface.damage && i < surface.vertex_count; ++i)
+        if (!(surface.damage[i] >= 0 && surface.damage[i] <= 1))
+          context.fail(of + " has the damage " + number(surface.damage[i]) + ", outside of [0, 1]");
     }
     scene.step(step);
   }
@@ -295,6 +303,30 @@ void deterministic(Context& context) {
   });
 }
 
+void same_with_threads(Context& context) {
+  const Settings settings = context.settings().front();
+  const Form form(context, settings);
+  bool used = false;
+  context.random_cases(1, [&](Random& random) {
+    const Play play(context, settings, form, random, true);
+    const auto alone = play.begin(context, settings);
+    play.run(*alone, 8);
+    const Snapshot expected = snapshot(*alone);
+    for (const auto order : {LentThreads::forwards, LentThreads::backwards, LentThreads::side_by_side}) {
+      const LentThreads threads(order);
+      const std::string which = LentThreads::name(order);
+      context.doing("lent " + which);
+      const auto scene = play.begin(context, settings, &threads);
+      play.run(*scene, 8);
+      if (const auto what = first_difference(expected, snapshot(*scene)); !what.empty())
+        context.fail(what + " has other bits with " + which + " than without threads, after eight steps of " +
+                     play.bodies[0].described());
+      used = used || threads.used();
+    }
+  });
+  if (!used) context.remark("it uses no threads");
+}
+
 void inputs_unchanged(Context& context) {
   const Settings settings = context.settings().front();
   const Form form(context, settings);
@@ -316,7 +348,7 @@ void inputs_unchanged(Context& context) {
       {
         const Guarded position(body.position), velocity(body.velocity), volume(body.volume), vertices(body.vertices);
         const Guarded tetrahedra(body.tetrahedra);
-        Enlarged given(body.abi());
+        Enlarged given(scene.lent(body));
         given.known.position = position.read_only();
         given.known.velocity = velocity.read_only();
         given.known.volume = volume.read_only();
@@ -374,11 +406,14 @@ std::vector<Check> discretization_state_checks() {
       {"discretization.bodies", 66,
        "A lattice of points or a cube of tetrahedra is taken; a body without points is refused with words or harmless.",
        discretization_kind, takes_bodies},
-      {"discretization.surface", 67, "Triangles of the surface refer to vertices that exist and are finite.",
+      {"discretization.surface", 67,
+       "Triangles of the surface refer to vertices that exist; positions, velocities and damage are finite.",
        discretization_kind, surface_valid},
       {"discretization.deterministic", 68,
        "The same steps give the same bits in every instance, and instances do not influence each other.", discretization_kind,
        deterministic},
+      {"discretization.threads", 82, "Steps have the same bits without threads, with threads, and whichever range comes first.",
+       discretization_kind, same_with_threads},
       {"discretization.inputs-unchanged", 69,
        "Bodies and surroundings are only read, and not after the call; shorter or longer structs do no harm.",
        discretization_kind, inputs_unchanged},

@@ -4,11 +4,13 @@
 
 #include <cleave/discretization.h>
 #include <cleave/testkit/context.hpp>
+#include <cleave/testkit/lent.hpp>
 #include <cleave/testkit/plugin.hpp>
 
 #include <array>
 #include <functional>
 #include <map>
+#include <memory>
 #include <string>
 #include <vector>
 
@@ -24,8 +26,9 @@ struct Body {
   Point corner{};
   std::vector<double> position, velocity, volume, vertices;
   std::vector<std::uint32_t> tetrahedra;
-  std::vector<int> depth;  ///< of each point: cells between its cell and the nearest face of the cube
-  std::vector<int> cell;   ///< of each point: number of its cell
+  std::vector<double> vertex_velocity;  ///< empty: not given
+  std::vector<int> depth;               ///< of each point: cells between its cell and the nearest face of the cube
+  std::vector<int> cell;                ///< of each point: number of its cell
 
   std::size_t points() const { return volume.size(); }
   Point point(std::size_t i) const { return {position[3 * i], position[3 * i + 1], position[3 * i + 2]}; }
@@ -43,7 +46,8 @@ Body lattice(int cells, const Point& corner = {0.3, -0.2, 0.5});
 /// Six tetrahedra in each cell (Kuhn), points at their barycentres.
 Body tetrahedra(int cells, const Point& corner = {0.3, -0.2, 0.5});
 
-/// The form of bodies a discretisation takes: the lattice, or else the tetrahedra. Throws Skipped if it refuses both.
+/// The form of bodies a discretisation takes: the lattice unless it refuses that or says that it needs tetrahedra. Throws
+/// Skipped if it refuses both.
 class Form {
  public:
   Form(Context&, const Settings&);
@@ -79,6 +83,13 @@ class Scene {
   void add(const Body&);
   /// CLEAVE_OK, or the result with its words in `words`.
   cleave_result try_add(const Body&, std::string* words);
+  /// A body as it is handed over, with an elastic law where the discretisation evaluates one; valid as long as `body`.
+  cleave_body lent(const Body& body);
+  /// The laws that the bodies have got, in order; null where the discretisation evaluates none.
+  LentElasticity* elasticity(std::size_t body) const { return laws_.at(body).get(); }
+  double stiffness = 1;  ///< of the laws of bodies added from here on
+  /// Of bodies added, and steps taken, from here on; none if null.
+  const LentThreads* threads = nullptr;
 
   Point gravity{};
   /// Replaces a velocity by what the colliders allow there; none if empty.
@@ -106,6 +117,7 @@ class Scene {
 
  private:
   Context& context_;
+  std::vector<std::unique_ptr<LentElasticity>> laws_;  // outlive the instance
   Instance instance_;
   std::vector<Body> bodies_;
 };

@@ -21,6 +21,7 @@ struct GridSystem {
   std::vector<std::uint8_t> prescribed;
   std::vector<double> position, volume, deformation, fiber, velocity_gradient;
   std::vector<std::uint64_t> nodes;
+  const cleave_threads* threads = nullptr;
 
   std::size_t node_count() const { return mass.size(); }
   std::size_t particle_count() const { return volume.size(); }
