@@ -71,11 +71,17 @@ class StateReader {
   std::map<std::string, Section> sections_;
 };
 
+/// Every bit of it is part of its value: no padding, whose bits may be any.
 template <class T>
-concept Plain = std::is_trivially_copyable_v<T> && !std::is_pointer_v<T>;
+concept Plain = std::is_trivially_copyable_v<T> && !std::is_pointer_v<T> &&
+                (std::has_unique_object_representations_v<T> || std::is_floating_point_v<T>);
 
-/// Values one after another, as the bytes of a section. A class lists its values once, in a template that takes a Packer or an
-/// Unpacker: then both have the same order.
+/// Values one after another, as the bytes of a section. A class lists its values once, in a template
+///
+///   template <class Self, class Archive>
+///   static void list(Self& self, Archive& archive) { archive(self.a, self.b); }
+///
+/// that takes a Packer or an Unpacker: then both have the same order.
 class Packer {
  public:
   template <class... Values>
@@ -93,6 +99,9 @@ class Packer {
   void add(const T& value) {
     raw(&value, sizeof value);
   }
+  template <class T>
+  requires requires(const T& value, Packer& packer) { T::list(value, packer); }
+  void add(const T& value) { T::list(value, *this); }
   template <Plain T>
   void add(const std::vector<T>& values) {
     add(std::uint64_t(values.size()));
@@ -140,6 +149,9 @@ class Unpacker {
   void take(T& value) {
     std::memcpy(static_cast<void*>(&value), raw(1, sizeof value), sizeof value);
   }
+  template <class T>
+  requires requires(T& value, Unpacker& unpacker) { T::list(value, unpacker); }
+  void take(T& value) { T::list(value, *this); }
   template <Plain T>
   void take(std::vector<T>& values) {
     const std::uint64_t n = count();

@@ -31,6 +31,11 @@ class Constraints {
   struct Statistics {
     std::int64_t projections = 0, iterations = 0;
     double largest_residual = 0;
+
+    template <class Self, class Archive>
+    static void list(Self& self, Archive& archive) {
+      archive(self.projections, self.iterations, self.largest_residual);
+    }
   };
   /// Since the last call.
   Statistics take_statistics() { return std::exchange(statistics_, {}); }

@@ -50,6 +50,11 @@ class DamageEvolution {
     std::int64_t solves = 0, iterations = 0, most_iterations = 0, unconverged = 0;
     double active_blocks = 0;  ///< sum over steps of the fraction of blocks
     std::int64_t steps = 0;
+
+    template <class Self, class Archive>
+    static void list(Self& self, Archive& archive) {
+      archive(self.solves, self.iterations, self.most_iterations, self.unconverged, self.active_blocks, self.steps);
+    }
   };
   /// Since the last call.
   Statistics take_statistics();
