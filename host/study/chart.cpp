@@ -213,7 +213,7 @@ Chart stability_map(const Study& study, const Plan& plan, const Results& results
     plots += fmt::format(", $bound using 1:2 with linespoints lc rgb '#000000' lw 2 pt 1 ps 0.8 title {}",
                          gnuplot_text(study.map->bound_title));
   }
-  return {"stability",
+  return {"map",
           data + common(study.title, "") + map_axis("x", first, xs) + map_axis("y", second, ys) + "plot " + plots + "\n"};
 }
 

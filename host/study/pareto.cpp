@@ -16,7 +16,7 @@ std::vector<std::size_t> pareto_front(std::span<const double> costs, std::span<c
   });
   std::vector<std::size_t> front;
   for (const std::size_t i : order) {
-    const bool better = front.empty() || errors[i] < errors[front.back()];
+    const bool better = front.empty() || errors[i] < (1 - as_accurate) * errors[front.back()];
     const bool equal = !front.empty() && errors[i] == errors[front.back()] && costs[i] == costs[front.back()];
     if (better || equal) front.push_back(i);
   }

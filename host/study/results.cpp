@@ -333,7 +333,7 @@ std::string results_text(const Study& study, const Plan& plan, const Results& re
     for (std::size_t i = 0; i < row.size(); ++i) line += fmt::format("{:<{}}  ", row[i], widths[i]);
     text += line.substr(0, line.find_last_not_of(' ') + 1) + "\n";
   }
-  if (study.error) text += "* on the Pareto front: no other point costs less and is as accurate\n";
+  if (study.error) text += "* on the Pareto front: no other point costs less and is as accurate, within 1 %\n";
   for (const Column& column : results.columns) {
     const Boundary& b = column.boundary;
     const auto number = [](const std::optional<double>& x) { return x ? fmt::format("{:.3g}", *x) : std::string("-"); };

@@ -24,7 +24,7 @@ struct Axis {
   config::Location where;
 
   bool numeric() const;      ///< every value has a number
-  bool logarithmic() const;  ///< numeric, positive, and spread over more than a factor of four
+  bool logarithmic() const;  ///< numeric, positive, and spread over more than a factor of three
 };
 
 /// An expression and where the study has it.

@@ -544,7 +544,7 @@ bool Axis::logarithmic() const {
     least = std::min(least, *value.number);
     most = std::max(most, *value.number);
   }
-  return least > 0 && most > 4 * least;
+  return least > 0 && most > 3 * least;
 }
 
 std::string identifier(const std::string& name) {

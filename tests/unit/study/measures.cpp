@@ -48,6 +48,8 @@ TEST(ParetoFront, LeavesOutWhatAnotherPointBeats) {
   EXPECT_THAT(pareto_front(costs, errors), ElementsAre(0, 1, 3));
   EXPECT_THAT(pareto_front(std::vector<double>{1, 1}, std::vector<double>{2, 2}), ElementsAre(0, 1))
       << "neither beats its equal";
+  EXPECT_THAT(pareto_front(std::vector<double>{1, 2, 3}, std::vector<double>{1, 0.995, 0.98}), ElementsAre(0, 2))
+      << "nothing is paid for half a percent";
 }
 
 TEST(ObservedOrder, IsThatOfTheTwoFinestPoints) {
