@@ -58,11 +58,20 @@ void keeps_motion(Context& context) {
   context.random_cases(3, [&](Random& random) {
     Body body = rest;
     const Point spin = {random.uniform(-1, 1), random.uniform(-1, 1), random.uniform(-1, 1)};
+    const auto turning = [&](const Point& x) {
+      const Point turn = cross(spin, difference(x, body.centre()));
+      return Point{1e-3 * turn[0] / step, 1e-3 * turn[1] / step, 1e-3 * turn[2] / step};
+    };
     for (std::size_t i = 0; i < body.points(); ++i) {
-      const Point turn = cross(spin, difference(body.point(i), body.centre()));
-      for (std::size_t a = 0; a < 3; ++a) body.velocity[3 * i + a] = 1e-3 * turn[a] / step;
+      const Point v = turning(body.point(i));
+      std::copy(v.begin(), v.end(), body.velocity.begin() + std::ptrdiff_t(3 * i));
     }
-    shake(body, random, 1e-3 * speed);
+    // What is shaken at the points of a mesh, its vertices do not see.
+    for (std::size_t i = 0; form.mesh() && i < body.vertices.size() / 3; ++i) {
+      const Point v = turning(body.vertex(i));
+      body.vertex_velocity.insert(body.vertex_velocity.end(), v.begin(), v.end());
+    }
+    if (!form.mesh()) shake(body, random, 1e-3 * speed);
     Scene scene(context, settings);
     scene.add(body);
     const Momentum before = momentum(scene);
