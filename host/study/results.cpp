@@ -208,8 +208,10 @@ Results collect(const Study& study, const Plan& plan, const fs::path& out) {
   if (missing > 0) results.remarks.push_back(fmt::format("{} of {} points are not run", missing, plan.points.size()));
   if (study.instructions)
     for (const auto& record : records)
-      if (record && record->outcome == Outcome::done && !record->instructions) {
-        results.remarks.push_back("instructions are " + record->instructions_by);
+      if (record && record->outcome == Outcome::done) {
+        results.remarks.push_back(record->instructions ? "instructions of whole runs, with start and output, counted by " +
+                                                             record->instructions_by
+                                                       : "instructions are " + record->instructions_by);
         break;
       }
   if (results.machines.size() > 1) results.remarks.push_back("times are of different machines");
