@@ -13,7 +13,8 @@ const fs::path scenes = fs::path(CLEAVE_SOURCE_DIR) / "configs/scenes";
 class ShippedScene : public Program, public testing::WithParamInterface<std::string> {};
 
 TEST_P(ShippedScene, StepsAndWritesWhatItPromises) {
-  const Outcome run = cleave("run '" + (scenes / (GetParam() + ".toml")).string() + "' --out run --steps 12 --threads 2");
+  const fs::path scene = scenes / (GetParam() + ".toml");
+  const Outcome run = cleave("run '" + scene.string() + "' --out run --steps 12 --threads 2");
   ASSERT_EQ(run.status, 0) << run.err;
   const auto summary = json(directory / "run/summary.json");
   EXPECT_EQ(summary.get<std::string>("status"), "done");
@@ -23,7 +24,8 @@ TEST_P(ShippedScene, StepsAndWritesWhatItPromises) {
   EXPECT_GT(summary.get_child("plugins").size(), 0u);
   int steps = 0;
   for (const auto& [integrator, taken] : summary.get_child("integrators")) steps += taken.get_value<int>();
-  EXPECT_EQ(steps, 12);
+  const bool discretized = contents(scene).find("discretization") != std::string::npos;
+  EXPECT_EQ(steps, discretized ? 0 : 12) << "plugins that step bodies have integrators of their own";
   const auto frames = table(directory / "run/frames.csv");
   ASSERT_GE(frames.at("frame").size(), 2u);
   for (const auto& [name, cells] : frames) {
