@@ -91,7 +91,7 @@ typedef struct cleave_point_field {
 } cleave_point_field;
 
 /* What a body looks like from outside, and inside where it consists of tetrahedra. Vertices are shared by what hangs together:
- * where it has come apart they are there twice. Triangles close and look outwards; with tetrahedra, they are faces of one alone.
+ * where it has come apart they are there twice. Triangles close and look outwards; with tetrahedra they are faces of one alone.
  * [ownership] plugin; valid until the next step(), restore() or destroy(). */
 typedef struct cleave_surface {
   uint32_t struct_size;
