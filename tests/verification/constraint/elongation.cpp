@@ -96,7 +96,7 @@ TEST_P(Elongation, OfAPendulumIsTakenBack) {
     return m;
   };
   const Motion kept = swing(0.1), drifting = swing(0);
-  EXPECT_LT(std::abs(kept.elongation), 2e-3);
+  EXPECT_LT(std::abs(kept.elongation), 1.5e-3);
   EXPECT_LT(std::abs(kept.elongation), 0.5 * std::abs(drifting.elongation));
 }
 
