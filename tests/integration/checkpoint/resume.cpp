@@ -210,10 +210,10 @@ TEST_F(Resume, FramesTableAndIndexAreThoseOfTheCheckpointWhateverBecameOfThem) {
 }
 
 TEST_F(Resume, ARequestToEndLeavesACheckpoint) {
-  ASSERT_EQ(run("--out whole --set simulation.end_time=2").status, 0);
+  ASSERT_EQ(run("--out whole --set simulation.end_time=1").status, 0);
   for (const int request : {SIGTERM, SIGINT}) {
     const std::string out = request == SIGTERM ? "terminated" : "interrupted";
-    const pid_t child = start({"run", "scene.toml", "--out", out, "--quiet", "--set", "simulation.end_time=2"});
+    const pid_t child = start({"run", "scene.toml", "--out", out, "--quiet", "--set", "simulation.end_time=1"});
     while (!fs::exists(directory / out / "vtp/frame_0003.vtp") &&
            wait_for(child, std::chrono::milliseconds(1)) == still_running) {
     }
@@ -221,7 +221,7 @@ TEST_F(Resume, ARequestToEndLeavesACheckpoint) {
     EXPECT_EQ(wait_for(child, std::chrono::minutes(1)), 130) << errors();
     EXPECT_EQ(checkpoints(out).size(), 1u);
     EXPECT_EQ(json(directory / out / "summary.json").get<std::string>("status"), "interrupted");
-    ASSERT_EQ(run("--out " + out + " --resume --set simulation.end_time=2").status, 0);
+    ASSERT_EQ(run("--out " + out + " --resume --set simulation.end_time=1").status, 0);
     EXPECT_THAT(differences("whole", out), IsEmpty());
   }
 }
@@ -257,6 +257,20 @@ TEST_F(Resume, CheckpointsThatVanishOnTheWayAreMissedAndMadeAgain) {
   fs::remove_all(directory / "it/checkpoints");
   EXPECT_EQ(wait_for(child, std::chrono::minutes(1)), 0) << errors();
   EXPECT_EQ(checkpoints("it").size(), 2u);
+}
+
+TEST_F(Resume, TimesOfCheckpointsAreReadLikeTheRestOfTheScene) {
+  const Outcome wrong = run("--out it --set output.checkpoint.frames=-1 --set output.checkpoint.seconds=-1");
+  EXPECT_EQ(wrong.status, 2);
+  EXPECT_THAT(wrong.err, AllOf(HasSubstr("--set output.checkpoint.frames"), HasSubstr("--set output.checkpoint.seconds")));
+  const Outcome unknown = run("--out it --set output.checkpoint.second=1");
+  EXPECT_EQ(unknown.status, 2);
+  EXPECT_THAT(unknown.err, HasSubstr("did you mean 'seconds'"));
+  ASSERT_EQ(run("--out it --set output.checkpoint.frames=3 --set output.checkpoint.seconds=0").status, 0);
+  EXPECT_THAT(contents(directory / "it/scene.toml"), HasSubstr("[output.checkpoint]\nframes = 3\nseconds = 0.0"));
+  EXPECT_THAT(checkpoints("it"), testing::ElementsAre(directory / "it/checkpoints/step_000000000027.checkpoint",
+                                                      directory / "it/checkpoints/step_000000000030.checkpoint"))
+      << "of frame 9, and of the end";
 }
 
 TEST_F(Resume, AnEndBeforeTheCheckpointIsRefused) {

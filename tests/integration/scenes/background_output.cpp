@@ -35,7 +35,8 @@ class BackgroundOutput : public Program {
   std::map<std::string, std::string> files(const std::string& run) const {
     std::map<std::string, std::string> found;
     for (const auto& entry : fs::recursive_directory_iterator(directory / run))
-      if (entry.is_regular_file()) found[fs::relative(entry.path(), directory / run).string()] = contents(entry.path());
+      if (entry.is_regular_file() && entry.path().extension() != ".checkpoint")  // these hold times and threads
+        found[fs::relative(entry.path(), directory / run).string()] = contents(entry.path());
     return found;
   }
   std::map<std::string, double> stages(const std::string& run) const {
