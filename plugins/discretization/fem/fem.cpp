@@ -396,8 +396,9 @@ struct FiniteElements {
 
   void restore(std::span<const std::byte> state) {
     Header header{};
-    if (state.size() == saved_bytes()) std::memcpy(&header, state.data(), sizeof header);
-    if (header.size != state.size() || header.checksum != checksum(state.subspan(sizeof header.checksum)))
+    const bool fits = state.size() == saved_bytes();
+    if (fits) std::memcpy(&header, state.data(), sizeof header);
+    if (!fits || header.size != state.size() || header.checksum != checksum(state.subspan(sizeof header.checksum)))
       throw std::runtime_error("this is not a saved state of these bodies");
     const std::byte* from = state.data() + sizeof header;
     for (const auto& body : bodies) {

@@ -76,8 +76,9 @@ struct Comparison {
         deviation = std::max(deviation, apart(fem[n], bonds[n]));
         motion = std::max(motion, apart(fem[n], start));
       }
-    testing::Test::RecordProperty("deviation", std::to_string(deviation));
-    testing::Test::RecordProperty("motion", std::to_string(motion));
+    const std::string modulus = std::to_string(int(experiment.youngs_modulus));
+    testing::Test::RecordProperty("deviation_" + modulus, std::to_string(deviation));
+    testing::Test::RecordProperty("motion_" + modulus, std::to_string(motion));
   }
 };
 
