@@ -8,6 +8,7 @@
 
 #include <Eigen/Dense>
 #include <map>
+#include <span>
 
 namespace cleave {
 namespace {
@@ -270,6 +271,28 @@ TEST_P(InextensibleFibers, AreHeldTheSameWithFactorsOfAnotherStep) {
   EXPECT_LE(with.residual, 1e-10);
   EXPECT_LT((vector(second.velocity) - vector(first.velocity)).norm(), 1e-6 * vector(first.velocity).norm());
   EXPECT_LE(hold_fibers(again, used, options).residual, 1e-10);
+}
+
+TEST_P(InextensibleFibers, AreHeldTheSameToTheBitWithARestoredMemory) {
+  for (const std::size_t factor_bytes : {std::size_t(1) << 20, std::size_t(0)}) {
+    kit::GridSystem first =
+        random_block(random, {GetParam(), 4, 2, kit::Block::uniform, kit::Block::strained, kit::Block::free});
+    kit::GridSystem second = first;
+    for (double& v : second.velocity) v = random.uniform(-1, 1);
+    kit::GridSystem again = second;
+    const Projection::Options options{.tolerance = 1e-9, .factor_bytes = factor_bytes};
+    ProjectionMemory memory, restored;
+    hold_fibers(first, memory, options);
+    const std::vector<std::byte> saved = memory.save();
+    restored.restore(saved);
+    EXPECT_EQ(restored.save(), saved);
+    hold_fibers(second, memory, options);
+    hold_fibers(again, restored, options);
+    EXPECT_EQ(second.velocity, again.velocity);
+    EXPECT_EQ(restored.save(), memory.save());
+    EXPECT_THROW(restored.restore(std::span(saved).first(saved.size() - 1)), std::invalid_argument);
+    EXPECT_THROW(restored.restore({}), std::invalid_argument);
+  }
 }
 
 }  // namespace
