@@ -7,14 +7,13 @@
 namespace cleave::mpm {
 namespace {
 
-// In symplectic steps: shares of the processor's time (perf) in implicit steps of a cube of 110,000 particles, neo-Hookean in
-// single precision on one thread, over the work of those steps; docs/performance.md has the command.
+// In symplectic steps, of which docs/performance.md says how they are measured.
 constexpr double step_cost = 1;  // transfers
 constexpr double evaluation_cost = 1.3;
-constexpr double product_cost = 1.3;  // with what else an iteration of conjugate gradients does
-constexpr double tangent_cost = 7.5;
-constexpr double multiplication_cost = 0.02;
-constexpr double substitution_cost = 0.02;
+constexpr double product_cost = 1.1;  // with what else an iteration of conjugate gradients does
+constexpr double tangent_cost = 5;
+constexpr double multiplication_cost = 0.01;
+constexpr double substitution_cost = 0.006;  // with carrying residuals to the corners and back
 
 constexpr double margin = 1.25;     // by which implicit steps have to be cheaper to be chosen
 constexpr double trial_share = 20;  // a trial costs at most this part of the symplectic steps that follow it
