@@ -81,7 +81,8 @@ class MpmSimulation final : public Simulation {
     constants_.reserve(64);
     std::fill_n(reinterpret_cast<T*>(constants_.data()) + lanes, lanes, T(1));
     if (scene.simulation.integrator != config::Integrator::symplectic)
-      implicit_ = std::make_unique<ImplicitStep<T, D>>(scene.simulation.implicit, cell_size_, reference_density_, failed_batches_);
+      implicit_ =
+          std::make_unique<ImplicitStep<T, D>>(scene.simulation.implicit, cell_size_, reference_density_, failed_batches_);
     populate();
     sort();
     maximum_speed_ = 0;
@@ -498,8 +499,7 @@ void MpmSimulation<T, D>::save_state(checkpoint::StateWriter& writer, const std:
     sets_[k]->save(writer, set);
     if (damage_[k]) checkpoint::pack(writer, set + "damage", [&](auto& archive) { damage_[k]->list(*damage_[k], archive); });
   }
-  if (implicit_)
-    checkpoint::pack(writer, prefix + "implicit", [this](auto& archive) { implicit_->list(*implicit_, archive); });
+  if (implicit_) checkpoint::pack(writer, prefix + "implicit", [this](auto& archive) { implicit_->list(*implicit_, archive); });
   if (constraints_) constraints_->save(writer, prefix + "constraint ");
 }
 
