@@ -69,7 +69,8 @@ class Planner {
       scene.output.formats.clear();
       if (study_.error && study_.error->particles) scene.output.formats.push_back("vtp");
       scene.output.surface = false;
-      scene.output.meshes.emplace();
+      if (std::any_of(scene.materials.begin(), scene.materials.end(), [](const auto& m) { return bool(m.discretization); }))
+        scene.output.meshes.emplace();
       scene.output.checkpoint = {.frames = 0, .seconds = 0};  // runs are whole or none
       run.scene = config::to_toml(scene, registry_);
       add_plugins(scene, registry_, digest);
