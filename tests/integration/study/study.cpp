@@ -66,12 +66,15 @@ class StudyCommand : public Program {
     return nlohmann::json::parse(contents(directory / out / "results.json"));
   }
 
+  /// When the records of runs with both repetitions were written.
   std::map<std::string, fs::file_time_type> records() const {
     std::map<std::string, fs::file_time_type> times;
     if (!fs::is_directory(directory / "out/runs")) return times;
-    for (const auto& run : fs::directory_iterator(directory / "out/runs"))
-      if (fs::exists(run.path() / "record.json"))
-        times[run.path().filename().string()] = fs::last_write_time(run.path() / "record.json");
+    for (const auto& run : fs::directory_iterator(directory / "out/runs")) {
+      const fs::path record = run.path() / "record.json";
+      if (fs::exists(record) && nlohmann::json::parse(contents(record)).at("wall_seconds").size() == 2)
+        times[run.path().filename().string()] = fs::last_write_time(record);
+    }
     return times;
   }
 };
