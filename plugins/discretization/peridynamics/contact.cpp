@@ -48,9 +48,9 @@ void Contact::find_neighbours(std::span<const Body> bodies, std::span<const doub
 
 void Contact::find_pairs(std::span<const Body> bodies, std::uint32_t i, bool with_bonds) {
   const Body& body = body_of(bodies, i);
-  auto& [pairs, has_bonds] = pairs_[i];
+  pairs_[i].with_bonds = with_bonds;
+  auto& pairs = pairs_[i].list;
   pairs.clear();
-  has_bonds = with_bonds;
   const double* at = &near_position_[3 * std::size_t(i)];
   cells_->near(at, [&](std::uint32_t j) {
     double square = 0;

@@ -79,8 +79,8 @@ TEST_P(InPrecision, ComputesTheSameBitsWithAnyNumberOfThreads) {
     Points cube = Points::box(11, 11, 11);
     Specimen solid(with(precision(), with(all_laws, {{"laplacian_damping", "0.1"}})));
     const double step = Specimen(precision()).add(cube).stable_step();
-    solid.add(cube.shake(0.05 * cube.spacing / step)).add(Points::box(4, 4, 4, {0.112, 0, 0}));
     solid.threads = threads;
+    solid.add(cube.shake(0.05 * cube.spacing / step)).add(Points::box(4, 4, 4, {0.112, 0, 0}));
     return solid.step(0.3 * step, 20).save();
   };
   EXPECT_EQ(state(1), state(2));

@@ -142,6 +142,8 @@ class Specimen {
     body.vertices = points.vertices.data();
     body.tetrahedron_count = points.tetrahedra.size() / 4;
     body.tetrahedra = points.tetrahedra.data();
+    const cleave_threads pool{sizeof pool, threads, this, &for_ranges};
+    body.threads = threads > 1 ? &pool : nullptr;
     testkit::Words words;
     if (table().add_body(instance_->handle(), &body, &words.message) != CLEAVE_OK) throw std::runtime_error(words.said());
     counts_.push_back(points.size());
@@ -155,7 +157,7 @@ class Specimen {
 
   double stable_step() const { return table().stable_step(instance_->handle()); }
   Specimen& step(double time_step, int count = 1) {
-    cleave_threads pool{sizeof pool, threads, this, &for_ranges};
+    const cleave_threads pool{sizeof pool, threads, this, &for_ranges};
     cleave_surroundings surroundings{};
     surroundings.struct_size = sizeof surroundings;
     std::copy(gravity.begin(), gravity.end(), surroundings.gravity);
