@@ -69,7 +69,7 @@ const Scene scenes[] = {
      "damage = { plugin = \"phase-field\", strength = 200, length_scale_cells = 1 }\n",
      ""},
     {"an automatic integrator", 2, "integrator = \"auto\"\nmaximum_time_step = 4e-3\ngravity = [0, -10]",
-     "elasticity = { plugin = \"split-neo-hookean\", youngs_modulus = 1e9, poissons_ratio = 0.3 }\n", ""},
+     "elasticity = { plugin = \"split-neo-hookean\", youngs_modulus = 1e11, poissons_ratio = 0.3 }\n", ""},
     {"inextensible fibres", 2, "gravity = [0, -10]",
      "elasticity = { plugin = \"qr\", youngs_modulus = 2e3, poissons_ratio = 0.3 }\n"
      "constraint = { plugin = \"inextensibility\", tolerance = 1e-5 }\nfibers = { direction = [1, 0] }\n",
