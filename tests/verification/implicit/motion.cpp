@@ -370,11 +370,12 @@ TEST(ImplicitStep, TwistsAStiffBarMoreCheaply) {
   EXPECT_LT(5 * costs[1], costs[0]);
 }
 
-/// Each half has less to do than the whole.
+/// Each half has less to do than the whole, and ends where steps of its size end.
 TEST(ImplicitStep, IsTakenInHalvesWhereThereIsNoSolution) {
   std::vector<std::vector<mpm::ParticleState>> ends;
   for (const int iterations : {30, 2}) {
     auto s = scene_of(2, 0.1, block(2, 0.1, stretch), laws[0]);
+    s->scene.simulation.implicit.tolerance = 1e-6;
     s->scene.simulation.time_step = 0.02;
     s->scene.simulation.implicit.maximum_iterations = iterations;
     const auto simulation = s->start();
@@ -387,6 +388,16 @@ TEST(ImplicitStep, IsTakenInHalvesWhereThereIsNoSolution) {
   }
   EXPECT_GT(distance(ends[0], ends[1]), 0) << "the steps are shorter";
   EXPECT_LT(distance(ends[0], ends[1]), 0.01);
+  double nearest = 1;
+  for (const int parts : {2, 4, 8, 16, 32}) {
+    auto s = scene_of(2, 0.1, block(2, 0.1, stretch), laws[0]);
+    s->scene.simulation.implicit.tolerance = 1e-6;
+    s->scene.simulation.time_step = 0.02 / parts;
+    const auto simulation = s->start();
+    for (int i = 0; i < parts; i++) simulation->step(0.02);
+    nearest = std::min(nearest, distance(simulation->state(), ends[1]));
+  }
+  EXPECT_LT(nearest, 0.02 * distance(ends[0], ends[1]));
 }
 
 TEST(ImplicitStep, SaysWhatToChangeWhereItFails) {
