@@ -51,6 +51,8 @@ std::vector<std::string> capability_names(std::uint64_t capabilities) {
       {CLEAVE_NEEDS_ISOCHORIC_RESPONSE, "needs the isochoric response"},
       {CLEAVE_NEEDS_TENSILE_ENERGY, "needs the tensile energy"},
       {CLEAVE_NEEDS_EFFECTIVE_STRESS, "needs the effective stress"},
+      {CLEAVE_NEEDS_ELASTICITY, "needs an elastic law"},
+      {CLEAVE_NEEDS_TETRAHEDRA, "needs tetrahedra"},
       {CLEAVE_FLOW_IS_ISOCHORIC, "isochoric flow"},
       {CLEAVE_DAMAGE_IS_LOCAL, "local damage"},
       {CLEAVE_SINGLE, "single precision"},
