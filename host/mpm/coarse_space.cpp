@@ -62,7 +62,7 @@ void CoarseSpace<T, D>::for_octants(F&& f) const {
 
 /// The octants with mass, in the order of the blocks.
 template <class T, int D>
-void CoarseSpace<T, D>::find_octants(const Grid<T, D>&, const IncrementalPotential<T, D>& potential) {
+void CoarseSpace<T, D>::find_octants(const IncrementalPotential<T, D>& potential) {
   constexpr std::size_t per_block = std::size_t(1) << D;
   const auto& blocks = potential.blocks();
   std::vector<char> full(blocks.size() * per_block);
@@ -103,7 +103,7 @@ BlockCoordinate corner_of(const BlockCoordinate& element, int c, int sign = 1) {
 
 template <class T, int D>
 void CoarseSpace<T, D>::find_nodes(const Grid<T, D>& grid, const IncrementalPotential<T, D>& potential) {
-  find_octants(grid, potential);
+  find_octants(potential);
   for_octants([&](std::size_t i) {
     Octant& o = octants_[i];
     place(grid, o);
@@ -118,7 +118,7 @@ template <class T, int D>
 void CoarseSpace<T, D>::make_mesh(const Grid<T, D>& grid, const IncrementalPotential<T, D>& potential) {
   constexpr std::size_t per_block = std::size_t(1) << D;
   ready_ = false;
-  find_octants(grid, potential);
+  find_octants(potential);
   for (edge_ = half;; edge_ *= 2) {
     directory_.reset(octants_.size());
     corners_.clear();
@@ -183,8 +183,7 @@ void CoarseSpace<T, D>::restore() {
 }
 
 template <class T, int D>
-void CoarseSpace<T, D>::factorise(const Grid<T, D>&, const IncrementalPotential<T, D>& potential,
-                                  const ImplicitBoundary<T, D>& boundary) {
+void CoarseSpace<T, D>::factorise(const IncrementalPotential<T, D>& potential, const ImplicitBoundary<T, D>& boundary) {
   constexpr int n = D * D, packed = tangent_numbers<D>, corners = corners_of_element, size = corners * D, points = 1 << D;
 
   // Held nodes, each with the size of its diagonal block and what is not free, in the order of the blocks.

@@ -29,7 +29,7 @@ class CoarseSpace {
   /// The mesh of a step, after IncrementalPotential::find_tangents(octants). What is ready is lost.
   void make_mesh(const Grid<T, D>&, const IncrementalPotential<T, D>&);
   /// The operator on it.
-  void factorise(const Grid<T, D>&, const IncrementalPotential<T, D>&, const ImplicitBoundary<T, D>&);
+  void factorise(const IncrementalPotential<T, D>&, const ImplicitBoundary<T, D>&);
   std::size_t corner_count() const { return corners_.size(); }
   /// Multiplications of `factorise`, and those of `solve`.
   double factor_work() const { return factor_.work(); }
@@ -64,9 +64,8 @@ class CoarseSpace {
   void for_nodes(const Octant&, F&&) const;
   template <class F>
   void for_octants(F&&) const;
-  void find_octants(const Grid<T, D>&, const IncrementalPotential<T, D>&);
+  void find_octants(const IncrementalPotential<T, D>&);
   void place(const Grid<T, D>&, Octant&) const;
-  void name_corners();
   void make_pattern();
   void analyze();
 

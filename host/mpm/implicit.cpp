@@ -296,7 +296,7 @@ bool ImplicitStep<T, D>::make_coarse(int products) {
     if (!coarse_choice_.due(products, cost)) return true;
   }
   outcome_.work.factorisation += coarse_.factor_work() / double(particles_);
-  coarse_.factorise(*grid_, potential_, *boundary_);
+  coarse_.factorise(potential_, *boundary_);
   coarse_choice_.made(products);
   meshed_ = false;
   return true;
