@@ -112,29 +112,34 @@ class FiberRows {
     return places;
   }
 
-  /// With the axis that the fibres around the nearest node are nearest to, those of the neighbouring nodes among them: so few
-  /// rows are those of a place where two kinds of them meet.
+  /// With the axis that all fibres are nearest to, but where those around the nearest node and its neighbours are clearly
+  /// nearer to another: rows of two axes say nearly the same where they meet.
   std::vector<Place> staggered_places() const {
     std::vector<Place> places = centred_places();
-    bool alike = true;
-    for (std::size_t i = 0; i < fibers_.size(); ++i) {
-      places[i].axis = steepest(squares(fibers_[i].direction));
-      alike = alike && places[i].axis == places[0].axis;
-    }
-    if (alike) return places;
+    std::array<double, D> all{};
     std::vector<std::array<double, D>> sum(system_.node_count, std::array<double, D>{});
     for (std::size_t i = 0; i < fibers_.size(); ++i) {
       const std::array<double, D> parts = squares(fibers_[i].direction);
-      for (unsigned k = 0; k < D; ++k) sum[places[i].nodes[stencil / 2]][k] += system_.volume[fibers_[i].particle] * parts[k];
+      for (unsigned k = 0; k < D; ++k) {
+        const double part = system_.volume[fibers_[i].particle] * parts[k];
+        sum[places[i].nodes[stencil / 2]][k] += part;
+        all[k] += part;
+      }
     }
+    const unsigned common = steepest(all);
     std::vector<std::uint8_t> axis(system_.node_count, D);
     for (Place& place : places) {
       std::uint8_t& of_node = axis[place.nodes[stencil / 2]];
       if (of_node == D) {
         std::array<double, D> around{};
+        double whole = 0;
         for (unsigned n = 0; n < stencil; ++n)
-          for (unsigned k = 0; k < D; ++k) around[k] += sum[place.nodes[n]][k];
-        of_node = std::uint8_t(steepest(around));
+          for (unsigned k = 0; k < D; ++k) {
+            around[k] += sum[place.nodes[n]][k];
+            whole += sum[place.nodes[n]][k];
+          }
+        const unsigned own = steepest(around);
+        of_node = std::uint8_t(around[own] > around[common] + 0.5 * whole ? own : common);
       }
       place.axis = of_node;
     }

@@ -171,7 +171,6 @@ class ProjectionFactors {
   using Cell = std::array<std::int32_t, 3>;
 
   bool any() const { return !cells_.empty(); }
-  bool complete() const { return complete_; }
   /// Whether another iteration with them costs more, with those there were too many of since they were made, than new ones.
   bool worn(std::uint32_t iterations) const {
     return excess_ + double(iterations) - fresh_ > making_seconds_ / iteration_seconds_;
@@ -319,7 +318,6 @@ class ProjectionMemory {
  public:
   std::vector<std::byte> save() const {
     detail::StateBytes to;
-    to.put(precise_);
     single_.save(to);
     double_.save(to);
     return to.take();
@@ -328,7 +326,6 @@ class ProjectionMemory {
   void restore(std::span<const std::byte> bytes) {
     detail::StateOfBytes from(bytes);
     ProjectionMemory found;
-    from.get(found.precise_);
     found.single_.restore(from);
     found.double_.restore(from);
     from.end();
@@ -339,7 +336,6 @@ class ProjectionMemory {
   friend class Projection;
   detail::ProjectionFactors<float> single_;
   detail::ProjectionFactors<double> double_;
-  bool precise_ = false;  // single precision does not do
 };
 
 /// Rows of B v = c, and the projection onto them. Nodes with a prescribed velocity keep it, those that are fixed along a normal
@@ -447,8 +443,6 @@ class Projection {
   static constexpr double held = 1e-6;
   /// The least epsilon with which single precision can make factors, and double precision.
   static constexpr double single_relaxation = 1e-6, double_relaxation = 1e-11;
-  /// More iterations with factors of the same step than this: single precision does not do.
-  static constexpr std::uint32_t many_iterations = 30;
   /// Iterations that in so many do not halve what is left will not.
   static constexpr std::uint32_t patience = 60;
 
@@ -472,9 +466,13 @@ class Projection {
 
     if (memory_) {
       bool solved = false;
-      const auto by_factors = [&](auto& factors) { solved = solve_by_factors<D>(factors, options, report); };
-      if (!memory_->precise_) by_factors(memory_->single_);
-      if (!solved && memory_->precise_) by_factors(memory_->double_);
+      const auto by_factors = [&](auto& factors) {
+        solved = solve_by_factors<D>(factors, options, rounding * std::sqrt(magnitude), report);
+      };
+      if (options.relaxation >= single_relaxation)
+        by_factors(memory_->single_);
+      else
+        by_factors(memory_->double_);
       if (solved) return report;
     }
     return solve_least_squares<D>(options, report);
@@ -598,9 +596,9 @@ class Projection {
 
   // ---- with factors
 
-  /// Whether the velocities have been changed.
+  /// Whether the velocities have been changed. What is left is not asked to be less than `least`.
   template <unsigned D, class S>
-  bool solve_by_factors(detail::ProjectionFactors<S>& factors, const Options& options, ConstraintReport& report) {
+  bool solve_by_factors(detail::ProjectionFactors<S>& factors, const Options& options, double least, ConstraintReport& report) {
     const std::size_t rows = row_.size();
     std::vector<std::array<std::int32_t, 3>> cells(rows);
     for (std::size_t i = 0; i < rows; ++i) cells[i] = row_[i].cell;
@@ -621,13 +619,13 @@ class Projection {
     // (A A^T + relaxation) x = b until nothing but `enough` is left, rows in their own units; what is left is in b then.
     std::vector<double> p, u(system_.node_count * D), q(rows), z(rows);
     const auto iterate = [&](std::vector<double>& b, std::vector<double>& x, double relaxation, double enough,
-                             std::uint32_t patience) {
+                             std::uint32_t most) {
       double rz = 0, left = norm_in_full(b), best = left;
       std::uint32_t without_success = 0;
       bool begun = false;
       while (report.iterations < options.maximum_iterations && left > enough) {
-        if ((fresh || patience < many_iterations) && without_success >= patience) break;
-        if (!fresh && since > 0 && (factors.worn(since) || without_success >= patience)) {
+        if ((fresh || most < patience) && without_success >= most) break;
+        if (!fresh && since > 0 && (factors.worn(since) || without_success >= most)) {
           renew();
           fresh = replaced = true;
           since = without_success = 0;
@@ -663,7 +661,8 @@ class Projection {
     std::vector<double> rest(rows), lambda(rows, 0.0), y(u.size());
     for (std::size_t i = 0; i < rows; ++i) rest[i] = scale(i) * residual_[i];
     const double begun = norm(residual_);
-    const bool met = iterate(rest, lambda, options.relaxation, options.tolerance * norm_in_full(rest), patience);
+    const bool met =
+        iterate(rest, lambda, options.relaxation, std::max(least, options.tolerance * norm_in_full(rest)), patience);
     transposed_product<D>(lambda, y);
 
     // v = v* - y + theta w in units of M^-1/2, A w the correction but for a hundredth: as much of w as keeps the kinetic energy
@@ -685,7 +684,6 @@ class Projection {
       for (std::size_t k = 0; k < y.size(); ++k) y[k] -= theta * w[k];
     }
     if (since > 0) factors.took(since, replaced);
-    if (std::is_same_v<S, float> && fresh && factors.complete() && since > many_iterations) memory_->precise_ = true;
     if (!met && options.relaxation == 0) return false;
     report.residual = begun > 0 ? std::hypot(norm_in_full(rest), held_norm()) / begun : 0;
     take_from_velocities<D>(y);
