@@ -439,6 +439,8 @@ class Projection {
  private:
   /// |B v* - c| that is no more than this part of the terms it is the sum of is their rounding.
   static constexpr double rounding = 1e-14;
+  /// With factors no less than this part of them is asked for: rows that hardly see velocities would make much of the rounding.
+  static constexpr double least_left = 1e-12;
   /// A row of whose length no more than this part is free to act is held as a whole: it would act with its rounding.
   static constexpr double held = 1e-6;
   /// The least epsilon with which single precision can make factors, and double precision.
@@ -467,7 +469,7 @@ class Projection {
     if (memory_) {
       bool solved = false;
       const auto by_factors = [&](auto& factors) {
-        solved = solve_by_factors<D>(factors, options, rounding * std::sqrt(magnitude), report);
+        solved = solve_by_factors<D>(factors, options, least_left * std::sqrt(magnitude), report);
       };
       if (options.relaxation >= single_relaxation)
         by_factors(memory_->single_);
