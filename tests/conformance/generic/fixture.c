@@ -122,8 +122,8 @@ static cleave_result evaluate(const cleave_instance* instance, const cleave_batc
     if (energy) set(batch, energy, p, size, degradation * psi);
     if (tension) set(batch, tension, p, size, psi);
     if (IS(writes_unrequested) && tau && !energy) {
-      const cleave_component behind = {tau->stream, tau->offset};
-      set(batch, &behind, p + (uint32_t)(CLEAVE_TILE_BYTES / size) * batch->count, size, psi);
+      const uint32_t lanes = (uint32_t)(CLEAVE_TILE_BYTES / size);
+      set(batch, tau, p + (batch->count + lanes - 1) / lanes * lanes, size, psi);
     }
   }
   if (IS(status_of_all) && flagged) memset(batch->status, CLEAVE_STATUS_FATAL, batch->count);
