@@ -55,10 +55,10 @@ typedef struct cleave_constraint {
   /* May allocate; is called once per step and pass of damage, and again where another constraint has changed velocities of its
    * nodes. With CLEAVE_OK a message is something the user should know; the host says it once. [main-thread] */
   cleave_result (*project)(cleave_instance*, const cleave_constraint_system*, cleave_constraint_report*, cleave_message*);
-  /* What the instance keeps from call to call, for checkpoints (since 1.1). save: with buffer null returns the size, else writes
-   * `size` bytes and returns what it wrote. restore brings another instance with the same parameters, or this one, to where the
-   * next calls of project() give the same bits; what save did not write is refused, with a message. Both may be null: the host
-   * then cannot promise these bits. [main-thread] */
+  /* What the instance keeps from call to call, for checkpoints (since 1.1). save: with buffer null returns the size, else
+   * writes `size` bytes and returns what it wrote. restore brings another instance with the same parameters, or this one, to
+   * where the next calls of project() give the same bits; what save did not write is refused, with a message. Both may be null:
+   * the host then cannot promise these bits. [main-thread] */
   uint64_t (*save)(const cleave_instance*, void* buffer, uint64_t size);
   cleave_result (*restore)(cleave_instance*, const void* buffer, uint64_t size, cleave_message*);
 } cleave_constraint;
