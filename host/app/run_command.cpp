@@ -3,6 +3,7 @@
 #include "app/resume.hpp"
 #include "checkpoint/run_directory.hpp"
 #include "common/error.hpp"
+#include "common/interrupts.hpp"
 #include "config/scene.hpp"
 #include "discretization/simulation.hpp"
 #include "mpm/law_watch.hpp"
@@ -46,18 +47,9 @@ extern "C" void on_interrupt(int signal_number) {
 struct InterruptGuard {
   InterruptGuard() {
     interrupted = 0;
-    struct sigaction action {};
-    action.sa_handler = on_interrupt;
-    sigaction(SIGINT, &action, &old_int);
-    sigaction(SIGTERM, &action, &old_term);
     signal(SIGXFSZ, SIG_IGN);  // a file that may not grow is an error like a full disk
   }
-  ~InterruptGuard() {
-    sigaction(SIGINT, &old_int, nullptr);
-    sigaction(SIGTERM, &old_term, nullptr);
-  }
-  struct sigaction old_int {
-  }, old_term{};
+  Interrupts interrupts{&on_interrupt};
 };
 
 std::string memory_report(const mpm::Simulation& simulation) {

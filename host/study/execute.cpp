@@ -1,11 +1,11 @@
 #include "study/execute.hpp"
 
 #include "common/error.hpp"
+#include "common/interrupts.hpp"
 #include "output/atomic_file.hpp"
 #include "study/child.hpp"
 
 #include <fmt/format.h>
-#include <signal.h>
 #include <string.h>
 #include <sys/wait.h>
 #include <unistd.h>
@@ -27,19 +27,8 @@ volatile std::sig_atomic_t interrupted = 0;
 void on_interrupt(int) { interrupted = 1; }
 
 struct InterruptGuard {
-  InterruptGuard() {
-    interrupted = 0;
-    struct sigaction action {};
-    action.sa_handler = on_interrupt;
-    sigaction(SIGINT, &action, &old_int);
-    sigaction(SIGTERM, &action, &old_term);
-  }
-  ~InterruptGuard() {
-    sigaction(SIGINT, &old_int, nullptr);
-    sigaction(SIGTERM, &old_term, nullptr);
-  }
-  struct sigaction old_int {
-  }, old_term{};
+  InterruptGuard() { interrupted = 0; }
+  Interrupts interrupts{&on_interrupt};
 };
 
 std::string contents(const fs::path& path) {
