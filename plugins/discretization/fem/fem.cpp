@@ -1,6 +1,8 @@
 #include "newton.hpp"
 #include "solid.hpp"
 
+#include <cleave/checksum.hpp>
+
 #include <cmath>
 #include <stdexcept>
 
@@ -367,16 +369,6 @@ struct FiniteElements {
     std::size_t size = sizeof(Header);
     for (const auto& body : bodies) size += 2 * body->position.size() * sizeof(double);
     return size;
-  }
-  /// [Fowler, Noll & Vo 1991], by words.
-  static std::uint64_t checksum(std::span<const std::byte> bytes) {
-    std::uint64_t sum = 0xcbf29ce484222325;
-    for (std::size_t k = 0; k + 8 <= bytes.size(); k += 8) {
-      std::uint64_t word;
-      std::memcpy(&word, &bytes[k], 8);
-      sum = (sum ^ word) * 0x100000001b3;
-    }
-    return sum;
   }
 
   std::vector<std::byte> save() const {

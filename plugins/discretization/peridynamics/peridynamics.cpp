@@ -2,6 +2,8 @@
 #include "embedded_mesh.hpp"
 #include "solid.hpp"
 
+#include <cleave/checksum.hpp>
+
 #include <cmath>
 #include <stdexcept>
 
@@ -313,16 +315,6 @@ struct Peridynamics {
     for (const auto member : changing) size += (this->*member).size() * sizeof(double);
     for (const auto& solid : solids) size += solid ? solid->saved_bytes() : 0;
     return size;
-  }
-  /// [Fowler, Noll & Vo 1991], by words.
-  static std::uint64_t checksum(std::span<const std::byte> bytes) {
-    std::uint64_t sum = 0xcbf29ce484222325;
-    for (std::size_t k = 0; k < bytes.size(); k += 8) {
-      std::uint64_t word = 0;
-      std::memcpy(&word, &bytes[k], std::min<std::size_t>(8, bytes.size() - k));
-      sum = (sum ^ word) * 0x100000001b3;
-    }
-    return sum;
   }
 
   std::vector<std::byte> save() const {

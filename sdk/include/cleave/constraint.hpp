@@ -15,6 +15,7 @@
 #define CLEAVE_CONSTRAINT_HPP
 
 #include <cleave/constraint.h>
+#include <cleave/detail/saved_state.hpp>
 #include <cleave/plugin.hpp>
 #include <cleave/threads.hpp>
 
@@ -84,9 +85,7 @@ struct KindOf<Kind::constraint, Solver> {
     std::uint64_t written = 0;
     if constexpr (saves && !keeps_nothing)
       guarded(nullptr, [&]() -> cleave_result {
-        const std::vector<std::byte> state = reinterpret_cast<const Instance*>(instance)->law.save();
-        written = buffer ? std::min<std::uint64_t>(size, state.size()) : state.size();
-        if (buffer && written > 0) std::memcpy(buffer, state.data(), written);
+        written = hand_over(reinterpret_cast<const Instance*>(instance)->law.save(), buffer, size);
         return CLEAVE_OK;
       });
     return written;

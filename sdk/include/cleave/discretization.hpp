@@ -17,6 +17,7 @@
 #define CLEAVE_DISCRETIZATION_HPP
 
 #include <cleave/discretization.h>
+#include <cleave/detail/saved_state.hpp>
 #include <cleave/plugin.hpp>
 #include <cleave/threads.hpp>
 
@@ -220,9 +221,7 @@ struct KindOf<Kind::discretization, Method> {
   static std::uint64_t save(const cleave_instance* instance, void* buffer, std::uint64_t size) noexcept {
     std::uint64_t written = 0;
     guarded(nullptr, [&]() -> cleave_result {
-      const std::vector<std::byte> state = method(instance).save();
-      written = buffer ? std::min<std::uint64_t>(size, state.size()) : state.size();
-      if (buffer && written > 0) std::memcpy(buffer, state.data(), written);
+      written = hand_over(method(instance).save(), buffer, size);
       return CLEAVE_OK;
     });
     return written;
