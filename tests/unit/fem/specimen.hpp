@@ -1,6 +1,8 @@
 // Bodies of tetrahedra that a discretization steps, as a host would, with elastic laws written here.
 #pragma once
 
+#include "../../lent_threads.hpp"
+
 #include <gtest/gtest.h>
 #include <cleave/decompositions.hpp>
 #include <cleave/testkit/body.hpp>
@@ -11,7 +13,6 @@
 #include <map>
 #include <memory>
 #include <stdexcept>
-#include <thread>
 
 namespace cleave::test {
 
@@ -305,12 +306,12 @@ class Specimen {
 
   double stable_step() const { return table_.stable_step(instance_->handle()); }
   Specimen& step(double time_step, int count = 1) {
-    cleave_threads pool{sizeof pool, threads, this, &for_ranges};
+    const LentThreads pool(threads);
     cleave_surroundings surroundings{};
     surroundings.struct_size = sizeof surroundings;
     std::copy(gravity.begin(), gravity.end(), surroundings.gravity);
     surroundings.user = this;
-    surroundings.threads = threads > 1 ? &pool : nullptr;
+    surroundings.threads = pool.get();
     surroundings.collide = [](void* user, std::uint64_t n, const double* position, double* velocity) {
       const auto& self = *static_cast<Specimen*>(user);
       for (std::uint64_t i = 0; self.collider && i < n; ++i) {
@@ -382,18 +383,6 @@ class Specimen {
   }
 
  private:
-  static void for_ranges(void* user, std::uint64_t size, std::uint64_t grain, void (*work)(void*, std::uint64_t, std::uint64_t),
-                         void* data) {
-    const unsigned threads = static_cast<Specimen*>(user)->threads;
-    std::vector<std::thread> pool;
-    for (unsigned t = 0; t < threads; ++t)
-      pool.emplace_back([=] {
-        for (std::uint64_t first = t * grain; first < size; first += threads * grain)
-          work(data, first, std::min(first + grain, size));
-      });
-    for (auto& thread : pool) thread.join();
-  }
-
   std::unique_ptr<testkit::Instance> instance_;
   const cleave_discretization& table_;
   std::vector<Tets> rest_;

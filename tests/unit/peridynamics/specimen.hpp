@@ -1,6 +1,8 @@
 // Bodies of points that discretization/peridynamics steps, as a host would.
 #pragma once
 
+#include "../../lent_threads.hpp"
+
 #include <gtest/gtest.h>
 #include <cleave/testkit/body.hpp>
 
@@ -10,7 +12,6 @@
 #include <map>
 #include <memory>
 #include <stdexcept>
-#include <thread>
 
 namespace cleave::test {
 
@@ -142,8 +143,8 @@ class Specimen {
     body.vertices = points.vertices.data();
     body.tetrahedron_count = points.tetrahedra.size() / 4;
     body.tetrahedra = points.tetrahedra.data();
-    const cleave_threads pool{sizeof pool, threads, this, &for_ranges};
-    body.threads = threads > 1 ? &pool : nullptr;
+    const LentThreads pool(threads);
+    body.threads = pool.get();
     testkit::Words words;
     if (table().add_body(instance_->handle(), &body, &words.message) != CLEAVE_OK) throw std::runtime_error(words.said());
     counts_.push_back(points.size());
@@ -157,12 +158,12 @@ class Specimen {
 
   double stable_step() const { return table().stable_step(instance_->handle()); }
   Specimen& step(double time_step, int count = 1) {
-    const cleave_threads pool{sizeof pool, threads, this, &for_ranges};
+    const LentThreads pool(threads);
     cleave_surroundings surroundings{};
     surroundings.struct_size = sizeof surroundings;
     std::copy(gravity.begin(), gravity.end(), surroundings.gravity);
     surroundings.user = this;
-    surroundings.threads = threads > 1 ? &pool : nullptr;
+    surroundings.threads = pool.get();
     surroundings.collide = [](void* user, std::uint64_t n, const double* position, double* velocity) {
       const auto& self = *static_cast<Specimen*>(user);
       for (std::uint64_t i = 0; self.collider && i < n; ++i) {
@@ -231,18 +232,6 @@ class Specimen {
   }
   static const cleave_discretization& table() {
     return *static_cast<const cleave_discretization*>(peridynamics().kind_table());
-  }
-
-  static void for_ranges(void* user, std::uint64_t size, std::uint64_t grain, void (*work)(void*, std::uint64_t, std::uint64_t),
-                         void* data) {
-    const unsigned threads = static_cast<Specimen*>(user)->threads;
-    std::vector<std::thread> pool;
-    for (unsigned t = 0; t < threads; ++t)
-      pool.emplace_back([=] {
-        for (std::uint64_t first = t * grain; first < size; first += threads * grain)
-          work(data, first, std::min(first + grain, size));
-      });
-    for (auto& thread : pool) thread.join();
   }
 
   std::unique_ptr<testkit::Instance> instance_;

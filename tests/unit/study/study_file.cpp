@@ -148,19 +148,7 @@ TEST(StudyRuns, HaveAnotherKeyOnceAFileOfTheSceneHasChanged) {
       "[set.body.block]\nparticles = \"points.csv\"\n"
       "[[axis]]\nname = \"a\"\npath = \"simulation.cfl\"\nvalues = [0.2]\n" +
       error_table;
-  files.write("scene.toml", R"(
-[simulation]
-dimension = 2
-cell_size = 0.1
-end_time = 0.1
-[[material]]
-name = "rubber"
-density = 1000
-elasticity = { plugin = "split-neo-hookean", youngs_modulus = 1e5, poissons_ratio = 0.3 }
-[[body]]
-name = "block"
-material = "rubber"
-)");
+  files.write("scene.toml", StudyFiles::block_of_nothing);
   const auto key = [&](const std::string& points) {
     files.write("points.csv", points);
     const auto plan = study::make_plan(files.study(text), files.registry);

@@ -13,10 +13,8 @@ namespace cleave::test {
 /// A directory with a small scene and a study of it.
 class StudyFiles {
  public:
-  StudyFiles() {
-    std::string name = (std::filesystem::temp_directory_path() / "cleave-study-XXXXXX").string();
-    directory = mkdtemp(name.data());
-    write("scene.toml", R"(
+  /// A scene that still lacks what fills its body.
+  inline static const std::string block_of_nothing = R"(
 [simulation]
 dimension = 2
 cell_size = 0.1
@@ -28,8 +26,12 @@ elasticity = { plugin = "split-neo-hookean", youngs_modulus = 1e5, poissons_rati
 [[body]]
 name = "block"
 material = "rubber"
-shape = { type = "box", size = [0.4, 0.4] }
-)");
+)";
+
+  StudyFiles() {
+    std::string name = (std::filesystem::temp_directory_path() / "cleave-study-XXXXXX").string();
+    directory = mkdtemp(name.data());
+    write("scene.toml", block_of_nothing + "shape = { type = \"box\", size = [0.4, 0.4] }\n");
   }
   ~StudyFiles() { std::filesystem::remove_all(directory); }
   StudyFiles(const StudyFiles&) = delete;
