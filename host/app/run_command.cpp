@@ -1,6 +1,7 @@
 #include "app/run_command.hpp"
 
 #include "app/resume.hpp"
+#include "app/run_pieces.hpp"
 #include "checkpoint/run_directory.hpp"
 #include "common/error.hpp"
 #include "common/interrupts.hpp"
@@ -8,6 +9,7 @@
 #include "discretization/simulation.hpp"
 #include "mpm/law_watch.hpp"
 #include "output/background.hpp"
+#include "output/color.hpp"
 #include "output/frame.hpp"
 #include "output/progress.hpp"
 
@@ -82,6 +84,11 @@ std::string particle_csv(const output::ParticleFrame& f) {
   return text;
 }
 
+output::Playback playback_of(const config::Simulation& simulation) {
+  const Vector3 g = simulation.gravity.cwiseAbs();
+  return {simulation.frame_rate, simulation.dimension == 3 && g.z() > g.y() ? 2 : 1};
+}
+
 }  // namespace
 
 int run_command(const RunOptions& options, plugins::Registry& registry) {
@@ -108,11 +115,14 @@ int run_command(const RunOptions& options, plugins::Registry& registry) {
   checkpoint::Run run;
   if (options.resume || checkpoint_times.any()) run = describe_run(config::to_toml(scene, registry), threads);
   auto start = options.resume ? find_start(checkpoints, out, run) : std::nullopt;
-  auto simulation = discretization::simulate(scene, registry);
+  RunPieces pieces(scene);
+  auto simulation = discretization::simulate(pieces.scene(), registry);
+  pieces.rest(*simulation);
   if (start || checkpoint_times.any()) add_program(run, *simulation);
   if (start) {
     compare_programs(*start, run, options.resume_anyway);
     simulation->restore(start->state());
+    pieces.restore(start->state());
     for (const auto& what : simulation->not_saved())
       fmt::print(stderr, "warning: {}: the run goes on within its tolerance, not to the bit\n", what);
   } else {
@@ -128,7 +138,9 @@ int run_command(const RunOptions& options, plugins::Registry& registry) {
   const output::EarlierPart earlier{before.frames, before.table};
   std::optional<std::vector<std::string>> meshes;
   if (simulation->has_surfaces()) meshes = scene.output.meshes.value_or(std::vector<std::string>{"ply"});
-  output::Writer writer(out, scene.output.formats, scene.output.surface, resumed ? &earlier : nullptr, meshes);
+  const output::Playback playback = playback_of(scene.simulation);
+  output::Writer writer(out, scene.output.formats, scene.output.surface, resumed ? &earlier : nullptr, meshes, pieces.any(),
+                        playback);
   writer.text("scene.toml", config::to_toml(scene, registry));
 
   const bool single = scene.simulation.precision == config::Precision::single_precision;
@@ -181,8 +193,12 @@ int run_command(const RunOptions& options, plugins::Registry& registry) {
     const auto t = Clock::now();
     auto record = simulation->measure();
     record.frame = index;
+    auto frame = simulation->frame(index);
+    frame.playback = playback;
+    pieces.find(frame, record);
+    if (const auto& color = scene.output.color) output::color(frame, {color->by, color->range});
     progress.frame(record);
-    frames.write(simulation->frame(index), std::move(record));
+    frames.write(std::move(frame), std::move(record));
     frames_taken++;
     output_wait += seconds_since(t);
   };
@@ -217,7 +233,11 @@ int run_command(const RunOptions& options, plugins::Registry& registry) {
     std::exception_ptr frames_failed;
     try {
       const auto file = checkpoints.save(
-          simulation->steps(), [&](checkpoint::StateWriter& state) { simulation->save(state); },
+          simulation->steps(),
+          [&](checkpoint::StateWriter& state) {
+            simulation->save(state);
+            pieces.save(state);
+          },
           [&] {
             try {
               wait_for_frames();
@@ -250,10 +270,17 @@ int run_command(const RunOptions& options, plugins::Registry& registry) {
   /// Steps from the last checkpoint to the state from which a step failed have the same bits again.
   const auto keep_last_good_state = [&] {
     const std::int64_t failed = simulation->steps();
+    const auto pass_frame = [&](int index) {  // what a frame leaves behind
+      auto record = simulation->measure();
+      if (!pieces.any()) return;
+      auto frame = simulation->frame(index);
+      pieces.find(frame, record);
+    };
     fmt::print(stderr, "stepping to the state before, from {}\n", saved.file.empty() ? "the beginning" : saved.file);
     try {
       simulation.reset();
-      simulation = discretization::simulate(scene, registry);
+      simulation = discretization::simulate(pieces.scene(), registry);
+      pieces.rest(*simulation);
       const int frames_complete = before.frames + frames.frames();
       frames_taken = std::min(saved.frames, frames_complete);
       if (!saved.file.empty()) {
@@ -261,14 +288,15 @@ int run_command(const RunOptions& options, plugins::Registry& registry) {
         auto last = checkpoints.newest(problems);
         if (!last || last->file != saved.file) throw InputError(fmt::format("{}", fmt::join(problems, "\n")));
         simulation->restore(last->state());
+        pieces.restore(last->state());
       } else {
-        simulation->measure();
+        pass_frame(0);
         frames_taken = 1;
       }
       while (simulation->steps() < failed && !interrupted) {
         simulation->step(target_of(frames_taken));
         if (simulation->time() < target_of(frames_taken)) continue;
-        simulation->measure();
+        pass_frame(frames_taken);
         frames_taken++;
       }
       save();

@@ -142,12 +142,20 @@ struct CheckpointTimes {
   bool operator==(const CheckpointTimes&) const = default;
 };
 
+/// What colours of particles and meshes show.
+struct ColorBy {
+  std::string by;                                  ///< "body", "speed" or an attribute
+  std::optional<std::pair<double, double>> range;  ///< from the first to the last colour
+  bool operator==(const ColorBy&) const = default;
+};
+
 struct Output {
-  std::vector<std::string> formats = {"vdb"};  ///< any of "vdb", "vtp", "ply"
+  std::vector<std::string> formats = {"vdb"};  ///< any of "vdb", "vtp", "ply", "usd"
   bool surface = false;                        ///< vdb: also a level set of each body's surface
   std::vector<std::string> attributes;  ///< beyond id and velocity: state names, "F", "J", "damage", ...; empty: all declared
   /// Formats of the surfaces of discretized bodies: any of "ply", "obj", "vtp", "vtu"; no value: "ply" where bodies have one.
   std::optional<std::vector<std::string>> meshes;
+  std::optional<ColorBy> color;
   CheckpointTimes checkpoint;
 };
 

@@ -461,7 +461,7 @@ std::optional<std::vector<std::string>> read_words(TableReader& table, std::stri
 std::vector<std::string> output_attributes(const Scene& scene, const PluginCatalog& catalog) {
   const auto discretized = [](const Material& material) { return bool(material.discretization); };
   if (std::any_of(scene.materials.begin(), scene.materials.end(), discretized)) return {};
-  std::vector<std::string> names = {"J", "C"};
+  std::vector<std::string> names = {"J", "C", "piece"};
   const auto add = [&](const std::string& name) {
     if (std::find(names.begin(), names.end(), name) == names.end()) names.push_back(name);
   };
@@ -491,9 +491,31 @@ CheckpointTimes read_checkpoint_times(TableReader table) {
   return times;
 }
 
+/// `known`: what frames can hold, empty if that is not known; `asked`: what they are to hold, empty: all.
+ColorBy read_color(TableReader table, std::vector<std::string> known, const std::vector<std::string>& asked) {
+  ColorBy color;
+  if (table.require("by", "\"body\", \"speed\" or an attribute of frames")) color.by = table.text("by").value_or("");
+  const bool numbered = color.by == "body" || color.by == "piece";
+  if (!asked.empty()) known = asked;
+  known.insert(known.end(), {"body", "speed"});
+  if (!color.by.empty() && known.size() > 2 && std::find(known.begin(), known.end(), color.by) == known.end())
+    table.error_at("by",
+                   "frames do not hold \"" + color.by + "\"" + suggestion(color.by, known, "; there are: " + list_text(known)));
+  if (numbered) {
+    table.refuse("range", "has no effect: each " + color.by + " has a colour of its own");
+  } else if (const auto range = table.numbers("range", "", 2, 2)) {
+    color.range = {range->at(0), range->at(1)};
+    if (!(range->at(0) < range->at(1))) table.error_at("range", "'range' must go from a smaller value to a larger one");
+  } else if (!table.has("range") && !color.by.empty() && color.by != "damage") {
+    table.require("range", "the values of the first and the last colour");
+  }
+  table.finish();
+  return color;
+}
+
 Output read_output(TableReader table, const Scene& scene) {
   Output output;
-  if (auto formats = read_words(table, "formats", {"vdb", "vtp", "ply"})) output.formats = std::move(*formats);
+  if (auto formats = read_words(table, "formats", {"vdb", "vtp", "ply", "usd"})) output.formats = std::move(*formats);
   output.surface = table.boolean("surface").value_or(false);
   if (output.surface && std::find(output.formats.begin(), output.formats.end(), "vdb") == output.formats.end())
     table.error_at("surface", "'surface' is written as .vdb; add \"vdb\" to 'formats'");
@@ -503,6 +525,8 @@ Output read_output(TableReader table, const Scene& scene) {
     output.meshes = read_words(table, "meshes", {"ply", "obj", "vtp", "vtu"});
   else
     table.refuse("meshes", "has no effect: only bodies of a discretization have meshes to write");
+  if (auto color = table.table("color", "[output.color]"))
+    output.color = read_color(std::move(*color), output_attributes(scene, table.context().catalog), output.attributes);
   if (auto checkpoint = table.table("checkpoint", "[output.checkpoint]"))
     output.checkpoint = read_checkpoint_times(std::move(*checkpoint));
   table.finish();

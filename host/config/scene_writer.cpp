@@ -312,6 +312,11 @@ std::string to_toml(const Scene& scene, const PluginCatalog& catalog) {
       << "surface = " << (scene.output.surface ? "true" : "false") << "\n"
       << "attributes = " << words(scene.output.attributes) << "\n";
   if (scene.output.meshes) out << "meshes = " << words(*scene.output.meshes) << "\n";
+  if (const auto& color = scene.output.color) {
+    out << "color = { by = " << quoted(color->by);
+    if (color->range) out << ", range = [" << number(color->range->first) << ", " << number(color->range->second) << "]";
+    out << " }\n";
+  }
   out << "\n[output.checkpoint]\n"
       << "frames = " << scene.output.checkpoint.frames << "\n"
       << "seconds = " << number(scene.output.checkpoint.seconds) << "  # of wall time\n";

@@ -99,8 +99,10 @@ void add(std::vector<std::pair<std::string, Number>>& all, const std::vector<std
 class MixedSimulation final : public mpm::Simulation {
  public:
   MixedSimulation(const config::Scene& scene, plugins::Registry& registry) : scene_(scene), held_(scene.handles.size(), 0) {
-    if (const auto points = part_of(scene, false); !points.bodies.empty())
+    if (const auto points = part_of(scene, false); !points.bodies.empty()) {
       parts_.push_back(mpm::Simulation::create_part(points, registry));
+      has_particles_ = true;
+    }
     const auto discretized = part_of(scene, true);
     auto bodies = mpm::sample_bodies(discretized);
     for (std::size_t m = 0; m < discretized.materials.size(); m++) {
@@ -244,6 +246,7 @@ class MixedSimulation final : public mpm::Simulation {
     for (const auto& asked : scene_.output.attributes) {
       const auto named = [&](const auto& a) { return a.name == asked; };
       if (std::any_of(present.attributes.begin(), present.attributes.end(), named)) continue;
+      if (asked == "piece" && has_particles_) continue;
       const auto meant = nearest(asked, names);
       throw InputError(fmt::format("error: output.attributes: no body of the scene has \"{}\"{}; there are: {}", asked,
                                    meant ? ", did you mean \"" + *meant + "\"?" : "", fmt::join(names, ", ")));
@@ -261,6 +264,7 @@ class MixedSimulation final : public mpm::Simulation {
   config::Scene scene_;
   std::vector<std::unique_ptr<mpm::Simulation>> parts_;
   std::vector<std::size_t> held_;
+  bool has_particles_ = false;  ///< of the material point method, whose pieces frames can have
 };
 
 }  // namespace

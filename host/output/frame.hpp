@@ -3,6 +3,7 @@
 #include "common/types.hpp"
 
 #include <algorithm>
+#include <array>
 #include <cstdint>
 #include <filesystem>
 #include <memory>
@@ -11,6 +12,8 @@
 #include <vector>
 
 namespace cleave::output {
+
+using Color = std::array<std::uint8_t, 3>;  ///< red, green, blue; sRGB
 
 /// One per-particle quantity; values.size() == components * particles, particle by particle.
 struct Attribute {
@@ -26,12 +29,19 @@ struct BodyMesh {
   std::int32_t body = 0;                ///< index into the frame's bodies
   std::vector<double> vertices;         ///< m, 3 per vertex
   std::vector<float> velocity, damage;  ///< 3 and 1 per vertex; may be empty
+  std::vector<Color> colors;            ///< 1 per vertex; may be empty
   std::vector<std::int32_t> piece;      ///< 1 per vertex, numbered from 0; -1: of none
   std::int32_t pieces = 0;
   std::vector<std::uint32_t> triangles;   ///< 3 vertices each, normals outwards
   std::vector<std::uint32_t> tetrahedra;  ///< 4 vertices each; may be empty
 
   std::size_t vertex_count() const { return vertices.size() / 3; }
+};
+
+/// What viewers of a time series want to know of its scene.
+struct Playback {
+  double frame_rate = 24;  ///< frames per simulated second
+  int up_axis = 1;         ///< 1: y, 2: z
 };
 
 /// Particles of all bodies at one instant, body after body. A particle's id is its place here, the same in every frame.
@@ -46,7 +56,9 @@ struct ParticleFrame {
   std::vector<Eigen::Vector3f> velocities;  ///< m/s
   std::vector<float> volumes;               ///< rest volume, m^3 (2D: m^2)
   std::vector<Attribute> attributes;        ///< J, damage, declared states, ...
-  std::vector<BodyMesh> meshes;             ///< of bodies that have a surface; empty if none is to be written
+  std::vector<Color> colors;                ///< of particles; empty if none are asked for
+  Playback playback;
+  std::vector<BodyMesh> meshes;  ///< of bodies that have a surface; empty if none is to be written
 
   std::size_t particles() const { return positions.size(); }
   std::size_t body_begin(std::size_t body) const { return body > 0 ? body_ends[body - 1] : 0; }
@@ -82,7 +94,8 @@ struct FrameRecord {
   double linear_iterations = 0;             ///< of conjugate gradients in those steps, mean of their sum over a step
   double constraint_iterations = 0;         ///< of the projections onto constraints since the previous frame, mean
   double constraint_residual = 0;           ///< what they leave, relative to what they found, largest
-  std::optional<std::int64_t> pieces;       ///< of all bodies that have a surface; empty if none has
+  std::optional<std::int64_t> pieces;       ///< of bodies that have a surface or can be damaged; empty if none does
+  double debris = 0;                        ///< part of the rest volume of bodies that can be damaged that is of no piece
   double wall_seconds = 0;
 };
 
@@ -118,15 +131,17 @@ struct EarlierPart {
 ///   surface/frame_0000.vdb    level set per body (if asked)
 ///   vtp/frame_0000.vtp, particles.pvd
 ///   ply/frame_0000.ply
+///   usd/frame_0000.usda, particles.usda
 ///   meshes/frame_0000.ply, .obj; .vtp, meshes.pvd; .vtu, tetrahedra.pvd
 /// and frames.csv. Files appear whole or not at all (written beside, then renamed). Throws InputError where a file cannot be
 /// written, naming it.
 class Writer {
  public:
   /// With an earlier part that is continued, else whatever frames the directory holds are removed. `meshes`: formats of the
-  /// surfaces of bodies, with a column of the table for their pieces; no value: there are none.
+  /// surfaces of bodies, with a column of the table for their pieces; no value: there are none. `pieces`: columns for the
+  /// pieces and the debris of particles.
   Writer(std::filesystem::path directory, const std::vector<std::string>& formats, bool surface, const EarlierPart* = nullptr,
-         const std::optional<std::vector<std::string>>& meshes = std::nullopt);
+         const std::optional<std::vector<std::string>>& meshes = std::nullopt, bool pieces = false, const Playback& = {});
   ~Writer();
   void frame(const ParticleFrame&);
   void record(const FrameRecord&);

@@ -9,6 +9,9 @@
 #include <unistd.h>
 
 #include <cerrno>
+#include <map>
+#include <optional>
+#include <sstream>
 #include <utility>
 
 namespace cleave::output {
@@ -61,6 +64,43 @@ Row columns(const FrameRecord& record) {
           {"wall_seconds", number(record.wall_seconds)}};
 }
 
+std::string joined(std::string line, const std::vector<std::string>& cells) {
+  for (const std::string& cell : cells) line += ',' + cell;
+  return line;
+}
+
+/// The last cells of a line, as many as `names`, taken off it.
+std::map<std::string, std::string> take_last(std::string& line, const std::vector<std::string>& names) {
+  std::map<std::string, std::string> cells;
+  for (auto name = names.rbegin(); name != names.rend(); ++name) {
+    const std::size_t comma = line.rfind(',');
+    if (comma == std::string::npos) break;
+    cells[*name] = line.substr(comma + 1);
+    line.erase(comma);
+  }
+  return cells;
+}
+
+/// A table whose columns are `common` and any of those that not every run has, with `extra` in their place. Cells of columns
+/// that it does not have are nan. Empty if it is no such table.
+std::optional<std::string> continued(const std::string& earlier, const std::string& common,
+                                     const std::vector<std::string>& extra) {
+  std::istringstream lines(earlier);
+  std::string line, table;
+  std::getline(lines, line);
+  std::vector<std::string> had;
+  for (const auto& names : std::vector<std::vector<std::string>>{{}, {"pieces"}, {"debris", "pieces"}})
+    if (line == joined(common, names)) had = names;
+  if (line != joined(common, had)) return std::nullopt;
+  table = joined(common, extra) + '\n';
+  while (std::getline(lines, line)) {
+    auto cells = take_last(line, had);
+    for (const std::string& name : extra) line += ',' + cells.try_emplace(name, "nan").first->second;
+    table += line + '\n';
+  }
+  return table;
+}
+
 }  // namespace
 
 std::vector<std::string> frame_columns() {
@@ -69,15 +109,17 @@ std::vector<std::string> frame_columns() {
   return names;
 }
 
-FrameTable::FrameTable(std::filesystem::path path, const std::string& earlier, bool pieces)
-    : path_(std::move(path)), pieces_(pieces) {
-  std::string header;
-  for (const auto& [name, value] : columns({})) header += (header.empty() ? "" : ",") + std::string(name);
-  header += pieces_ ? ",pieces\n" : "\n";
-  if (!earlier.empty() && !earlier.starts_with(header))
-    throw InputError("cannot continue " + path_.string() + ": it has other columns than this program writes");
+FrameTable::FrameTable(std::filesystem::path path, const std::string& earlier, bool pieces, bool debris)
+    : path_(std::move(path)), pieces_(pieces || debris), debris_(debris) {
+  std::string common;
+  for (const auto& [name, value] : columns({})) common += (common.empty() ? "" : ",") + std::string(name);
+  std::vector<std::string> extra;
+  if (debris_) extra.emplace_back("debris");
+  if (pieces_) extra.emplace_back("pieces");
+  const auto table = earlier.empty() ? joined(common, extra) + '\n' : continued(earlier, common, extra);
+  if (!table) throw InputError("cannot continue " + path_.string() + ": it has other columns than this program writes");
   AtomicFile file(path_);
-  file.stream() << (earlier.empty() ? header : earlier);
+  file.stream() << *table;
   file.commit();
   descriptor_ = ::open(path_.c_str(), O_WRONLY | O_APPEND | O_CLOEXEC);
   if (descriptor_ < 0) throw_file_error("write", path_, errno);
@@ -90,6 +132,7 @@ FrameTable::~FrameTable() {
 void FrameTable::append(const FrameRecord& record) {
   std::string line;
   for (const auto& [name, value] : columns(record)) line += (line.empty() ? "" : ",") + value;
+  if (debris_) line += ',' + number(record.debris);
   if (pieces_) line += ',' + std::to_string(record.pieces.value_or(0));
   line += '\n';
   struct stat before {};

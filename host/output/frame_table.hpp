@@ -16,8 +16,8 @@ std::vector<std::string> frame_columns();
 class FrameTable {
  public:
   /// Replaces an older table by an empty one, or by `earlier`, whose columns have to be those of this program.
-  /// `pieces`: with a column of that name.
-  explicit FrameTable(std::filesystem::path, const std::string& earlier = "", bool pieces = false);
+  /// `pieces`: with a column of that name; `debris`: with that column and the other.
+  explicit FrameTable(std::filesystem::path, const std::string& earlier = "", bool pieces = false, bool debris = false);
   ~FrameTable();
   FrameTable(const FrameTable&) = delete;
   FrameTable& operator=(const FrameTable&) = delete;
@@ -25,7 +25,7 @@ class FrameTable {
 
  private:
   std::filesystem::path path_;
-  bool pieces_;
+  bool pieces_, debris_;
   int descriptor_ = -1;
 };
 

@@ -18,7 +18,8 @@ std::string UniqueNames::add(const std::string& wish) {
 }
 
 std::vector<std::string> attribute_names(const ParticleFrame& frame) {
-  UniqueNames unique({"P", "id", "v", "velocity", "pscale", "body", "x", "y", "z", "vx", "vy", "vz"});
+  UniqueNames unique(
+      {"P", "id", "v", "velocity", "pscale", "body", "x", "y", "z", "vx", "vy", "vz", "Cd", "Color", "red", "green", "blue"});
   std::vector<std::string> names;
   for (const Attribute& attribute : frame.attributes) names.push_back(unique.add(attribute.name));
   return names;

@@ -19,7 +19,7 @@ class UniqueNames {
 };
 
 /// What each attribute is called in every format. The names the formats use themselves (P, id, v, velocity, pscale, body, x, y,
-/// z, vx, vy, vz) are taken.
+/// z, vx, vy, vz, Cd, Color, red, green, blue) are taken.
 std::vector<std::string> attribute_names(const ParticleFrame&);
 
 /// "" for a scalar, x y z, xx yy zz xy xz yz, or xx xy xz yx ... zz; numbers from 0 for any other count.

@@ -34,6 +34,7 @@ void write_ply(const std::filesystem::path& path, const ParticleFrame& frame) {
   out << "element vertex " << frame.particles() << '\n';
   for (const char* name : {"x", "y", "z", "vx", "vy", "vz"}) out << "property float " << name << '\n';
   out << "property " << (wide_ids ? "double" : "int") << " id\nproperty int body\nproperty float pscale\n";
+  if (!frame.colors.empty()) out << "property uchar red\nproperty uchar green\nproperty uchar blue\n";
   const std::vector<std::string> names = attribute_names(frame);
   UniqueNames unique(std::set<std::string>(names.begin(), names.end()));
   for (std::size_t a = 0; a < names.size(); ++a) {
@@ -62,6 +63,7 @@ void write_ply(const std::filesystem::path& path, const ParticleFrame& frame) {
       put(static_cast<std::int32_t>(i));
     put(frame.body_of(i));
     put(particle_radius(frame.volumes[i], frame.dimension));
+    if (!frame.colors.empty()) put(frame.colors[i]);
     for (const Attribute& attribute : frame.attributes) {
       const auto width = static_cast<std::size_t>(attribute.components);
       for (std::size_t c = 0; c < width; ++c) put(attribute.values[i * width + c]);

@@ -66,6 +66,11 @@ PointDataGrid::Ptr point_grid(const ParticleFrame& frame, std::size_t body, cons
   target.add<openvdb::Vec3f>("v", [&](std::size_t i, openvdb::Index) { return openvdb::Vec3f(frame.velocities[i].data()); });
   target.add<float>("pscale",
                     [&](std::size_t i, openvdb::Index) { return particle_radius(frame.volumes[i], frame.dimension); });
+  if (!frame.colors.empty())
+    target.add<openvdb::Vec3f>("Cd", [&](std::size_t i, openvdb::Index) {
+      const Color& c = frame.colors[i];
+      return openvdb::Vec3f(c[0], c[1], c[2]) / 255.f;
+    });
   for (std::size_t a = 0; a < names.size(); ++a) add_attribute(target, names[a], frame.attributes[a]);
   return grid;
 }

@@ -43,6 +43,9 @@ void write_vtp(const std::filesystem::path& path, const ParticleFrame& frame) {
                      [&](std::size_t i, float* values) { std::memcpy(values, frame.velocities[i].data(), 3 * sizeof(float)); });
   write_array<float>(out, "pscale", scalar, particles,
                      [&](std::size_t i, float* value) { *value = particle_radius(frame.volumes[i], frame.dimension); });
+  if (!frame.colors.empty())
+    write_array<std::uint8_t>(out, "Color", {"red", "green", "blue"}, particles,
+                              [&](std::size_t i, std::uint8_t* values) { std::memcpy(values, frame.colors[i].data(), 3); });
   const std::vector<std::string> names = attribute_names(frame);
   for (std::size_t a = 0; a < names.size(); ++a) write_attribute(out, names[a], frame.attributes[a], particles);
   out << "</PointData>\n<Points>\n";

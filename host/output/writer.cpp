@@ -5,6 +5,7 @@
 #include "output/mesh.hpp"
 #include "output/ply.hpp"
 #include "output/summary.hpp"
+#include "output/usd.hpp"
 #include "output/vdb.hpp"
 #include "output/vtp.hpp"
 
@@ -28,17 +29,23 @@ struct Kind {
   const char* extension;
   void (*write)(const fs::path&, const ParticleFrame&);
   const char* series = nullptr;  ///< index of the files for viewers
+  void (*write_series)(const fs::path&, const std::map<int, SeriesEntry>&, const Playback&) = nullptr;
 };
+
+void write_pvd_series(const fs::path& path, const std::map<int, SeriesEntry>& series, const Playback&) {
+  write_pvd(path, series);
+}
 
 constexpr Kind surface_kind{"surface", ".vdb", write_surface_vdb};
 /// By the name of the format.
 const std::map<std::string, Kind> particle_kinds{{"vdb", {"points", ".vdb", write_points_vdb}},
-                                                 {"vtp", {"vtp", ".vtp", write_vtp, "particles.pvd"}},
-                                                 {"ply", {"ply", ".ply", write_ply}}},
+                                                 {"vtp", {"vtp", ".vtp", write_vtp, "particles.pvd", write_pvd_series}},
+                                                 {"ply", {"ply", ".ply", write_ply}},
+                                                 {"usd", {"usd", ".usda", write_usd, "particles.usda", write_usd_series}}},
     mesh_kinds{{"ply", {"meshes", ".ply", write_mesh_ply}},
                {"obj", {"meshes", ".obj", write_mesh_obj}},
-               {"vtp", {"meshes", ".vtp", write_mesh_vtp, "meshes.pvd"}},
-               {"vtu", {"meshes", ".vtu", write_mesh_vtu, "tetrahedra.pvd"}}};
+               {"vtp", {"meshes", ".vtp", write_mesh_vtp, "meshes.pvd", write_pvd_series}},
+               {"vtu", {"meshes", ".vtu", write_mesh_vtu, "tetrahedra.pvd", write_pvd_series}}};
 
 std::vector<Kind> all_kinds() {
   std::vector<Kind> all{surface_kind};
@@ -132,7 +139,7 @@ void check(const ParticleFrame& frame) {
                     frame.body_ends.size() == frame.bodies.size() &&
                     std::is_sorted(frame.body_ends.begin(), frame.body_ends.end()) &&
                     (frame.bodies.empty() ? 0 : frame.body_ends.back()) == particles && frame.velocities.size() == particles &&
-                    frame.volumes.size() == particles;
+                    (frame.colors.empty() || frame.colors.size() == particles) && frame.volumes.size() == particles;
   for (const Attribute& attribute : frame.attributes)
     consistent = consistent && attribute.components > 0 &&
                  attribute.values.size() == particles * static_cast<std::size_t>(attribute.components);
@@ -141,7 +148,8 @@ void check(const ParticleFrame& frame) {
     const auto in_range = [vertices](std::uint32_t corner) { return corner < vertices; };
     consistent = consistent && std::size_t(mesh.body) < frame.bodies.size() && mesh.piece.size() == vertices &&
                  (mesh.velocity.empty() || mesh.velocity.size() == 3 * vertices) &&
-                 (mesh.damage.empty() || mesh.damage.size() == vertices) && mesh.triangles.size() % 3 == 0 &&
+                 (mesh.damage.empty() || mesh.damage.size() == vertices) &&
+                 (mesh.colors.empty() || mesh.colors.size() == vertices) && mesh.triangles.size() % 3 == 0 &&
                  mesh.tetrahedra.size() % 4 == 0 && std::all_of(mesh.triangles.begin(), mesh.triangles.end(), in_range) &&
                  std::all_of(mesh.tetrahedra.begin(), mesh.tetrahedra.end(), in_range);
   }
@@ -166,6 +174,7 @@ void naming(const fs::path& path, const Write& write) {
 
 struct Writer::State {
   fs::path directory;
+  Playback playback;
   std::vector<Kind> kinds;
   std::map<std::string, std::map<int, SeriesEntry>> series;  ///< frames by the name of their index
   std::unique_ptr<FrameTable> table;
@@ -174,9 +183,10 @@ struct Writer::State {
 };
 
 Writer::Writer(fs::path directory, const std::vector<std::string>& formats, bool surface, const EarlierPart* earlier,
-               const std::optional<std::vector<std::string>>& meshes)
+               const std::optional<std::vector<std::string>>& meshes, bool pieces, const Playback& playback)
     : state_(std::make_unique<State>()) {
   state_->directory = std::move(directory);
+  state_->playback = playback;
   const auto add = [this](const std::vector<std::string>& names, const std::map<std::string, Kind>& kinds,
                           const char* there_are) {
     for (auto name = names.begin(); name != names.end(); ++name) {
@@ -186,7 +196,7 @@ Writer::Writer(fs::path directory, const std::vector<std::string>& formats, bool
       state_->kinds.push_back(found->second);
     }
   };
-  add(formats, particle_kinds, "vdb, vtp and ply");
+  add(formats, particle_kinds, "vdb, vtp, ply and usd");
   if (surface) state_->kinds.push_back(surface_kind);
   if (meshes) add(*meshes, mesh_kinds, "ply, obj, vtp and vtu for meshes");
 
@@ -194,13 +204,15 @@ Writer::Writer(fs::path directory, const std::vector<std::string>& formats, bool
   remove_previous_run(state_->directory, earlier ? earlier->frames : 0);
   for (const Kind& kind : state_->kinds) make_directory(state_->directory / kind.folder);
   state_->table =
-      std::make_unique<FrameTable>(state_->directory / table_name, earlier ? earlier->table : "", meshes.has_value());
+      std::make_unique<FrameTable>(state_->directory / table_name, earlier ? earlier->table : "", meshes.has_value(), pieces);
   if (!earlier) return;
   for (const Kind& kind : all_kinds())
     for (const auto& [index, time] : kind.series ? times_of(earlier->table) : std::map<int, double>())
       if (const fs::path file = fs::path(kind.folder) / frame_name(index, kind.extension); fs::exists(state_->directory / file))
         state_->series[kind.series][index] = {time, file.string()};
-  for (const auto& [name, frames] : state_->series) write_pvd(state_->directory / name, frames);
+  for (const Kind& kind : all_kinds())
+    if (const auto frames = state_->series.find(kind.series ? kind.series : ""); frames != state_->series.end())
+      kind.write_series(state_->directory / kind.series, frames->second, playback);
 }
 
 Writer::~Writer() = default;
@@ -214,7 +226,7 @@ void Writer::frame(const ParticleFrame& frame) {
     auto& series = state_->series[kind.series];
     series[frame.index] = {frame.time, file.string()};
     const fs::path index = state_->directory / kind.series;
-    naming(index, [&] { write_pvd(index, series); });
+    naming(index, [&] { kind.write_series(index, series, state_->playback); });
   }
 }
 

@@ -92,7 +92,7 @@ TEST_F(Files, AFormatNobodyKnowsIsRefused) {
   EXPECT_THAT(error_of([&] {
                 Writer(directory, {"vdb", "abc"}, false);
               }),
-              AllOf(HasSubstr("'abc'"), HasSubstr("vdb, vtp and ply")));
+              AllOf(HasSubstr("'abc'"), HasSubstr("vdb, vtp, ply and usd")));
 }
 
 TEST_F(Files, ADirectoryThatCannotBeMadeIsNamed) {
