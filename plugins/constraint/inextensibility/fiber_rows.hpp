@@ -35,8 +35,11 @@ class FiberRows {
   explicit FiberRows(const cleave_constraint_system& system, Multipliers multipliers = Multipliers::staggered)
       : system_(system), multipliers_(multipliers) {}
 
-  /// A particle with the unit fibre a, as it is at present, of which the length is exp(strain) of what it should be.
-  void add(std::uint64_t particle, const std::array<double, 3>& a, double strain) { fibers_.push_back({particle, a, strain}); }
+  /// A particle with the unit fibre a, as it is at present, that is to stretch at a . C a = `stretching` and of which the
+  /// length is exp(strain) of what it should be.
+  void add(std::uint64_t particle, const std::array<double, 3>& a, double stretching, double strain) {
+    fibers_.push_back({particle, a, stretching, strain});
+  }
 
   /// `rate`: of the strain there is, how much is to be taken back per second.
   void write(cleave::Projection& projection, double rate) const {
@@ -79,7 +82,7 @@ class FiberRows {
   struct Fiber {
     std::uint64_t particle;
     std::array<double, 3> direction;
-    double strain;
+    double stretching, strain;
   };
   /// The first node of a particle's stencil, how far from it towards the next it is less half a cell, and the axis of its rows.
   struct Place {
@@ -187,7 +190,7 @@ class FiberRows {
     }
     std::array<std::uint64_t, width> node{};
     std::array<std::array<double, D>, width> value{};
-    double strain = 0;
+    double stretching = 0, strain = 0;
     for (const std::uint32_t member : members) {
       const Place& place = places[member];
       const Fiber& fiber = fibers_[member];
@@ -202,6 +205,7 @@ class FiberRows {
         if (extent[k] == 4) weight *= offset ? 1 - f : f;
         first = first * extent[k] + unsigned(offset);
       }
+      stretching += weight * fiber.stretching;
       strain += weight * fiber.strain;
       std::array<double, D> part;
       for (unsigned c = 0; c < D; ++c) part[c] = weight * fiber.direction[c];
@@ -222,6 +226,7 @@ class FiberRows {
         }
     }
     if (multipliers_ == Multipliers::staggered && held(node, members, axis)) return;
+    out.row.value = stretching;
     out.row.correction = -rate * strain;
     // In halves of a cell: the rows of different axes are at different places.
     for (unsigned k = 0; k < D; ++k) out.row.cell[k] = 2 * cell[k] + (extent[k] == 4);

@@ -2,6 +2,8 @@
 
 #include <cleave/decompositions.hpp>
 
+#include <algorithm>
+#include <array>
 #include <cmath>
 #include <cstddef>
 #include <span>
@@ -18,6 +20,14 @@ using namespace cleave;
 /// by the velocity that is M-nearest to what the forces make of it, which is a tension lambda in the fibres. If asked to, rows
 /// are relaxed: B v + epsilon D lambda = c, D the diagonal of B M^-1 B^T.
 ///
+/// c = 0 keeps the length but for the second order of the step: a fibre that turns by an angle of tangent dt q, q = |C a - (a .
+/// C a) a|, gets longer. With
+///
+///   c_z = sum_p V_p Gamma_z(x_p) s_p,   (1 + dt s_p)^2 + (dt q_p)^2 = 1
+///
+/// its end is at the distance it was at, |(I + dt C) a| = 1, as SHAKE holds bonds [Ryckaert, Ciccotti & Berendsen 1977]; q is
+/// that of the step before.
+///
 /// Strain that has come about all the same is taken back at the rate c_z = -s/dt sum_p V_p Gamma_z(x_p) ln|F a0| [Baumgarte
 /// 1972], in so far as that makes no kinetic energy.
 struct Inextensibility {
@@ -30,6 +40,8 @@ struct Inextensibility {
 
   enum Transport { convected, rotated };
   Transport fiber_transport;
+  enum Kept { keep_length, keep_rate };
+  Kept kept;
   inextensibility::Multipliers multipliers;
   double tolerance, relaxation, stabilization, breaking_damage;
   int maximum_iterations, factor_memory;
@@ -40,6 +52,13 @@ struct Inextensibility {
               .choices = {"convected", "rotated"},
               .default_value = "convected",
               .description = "where fibres a0 point to: along F a0, or R a0 with the rotation R of F = R S"}),
+      choice(
+          &Inextensibility::kept,
+          {.key = "kept",
+           .choices = {"length", "rate"},
+           .default_value = "length",
+           .description = "what steps keep: the length of a fibre to the end of the step, which turns it, or no more than the "
+                          "rate of stretch zero at its beginning"}),
       choice(&Inextensibility::multipliers,
              {.key = "multipliers",
               .choices = {"staggered", "centred"},
@@ -104,7 +123,8 @@ struct Inextensibility {
       for (double& component : a) component /= length;
       const double rest = std::sqrt(a0[0] * a0[0] + a0[1] * a0[1] + a0[2] * a0[2]);
       const double along = (a[0] * stretched[0] + a[1] * stretched[1] + a[2] * stretched[2]) / rest;
-      rows.add(p, a, along > 0 ? std::log(along) : 0);  // turned over, it has no length to go back to
+      rows.add(p, a, kept == keep_length ? stretching<D>(system, p, a) : 0,
+               along > 0 ? std::log(along) : 0);  // turned over, it has no length to go back to
     }
     Projection projection(system, memory_);
     rows.write(projection, stabilization / system.time_step);
@@ -117,6 +137,21 @@ struct Inextensibility {
                       std::to_string(report.iterations) +
                       " iterations: rows contradict each other or what is prescribed, or relaxation is too small";
     return report;
+  }
+
+  /// Of the unit fibre a, the rate that keeps its length over a step in which it turns as in the one before.
+  template <unsigned D>
+  static double stretching(const cleave_constraint_system& system, std::uint64_t particle, const std::array<double, 3>& a) {
+    const double* C = system.velocity_gradient + particle * D * D;
+    double along = 0, squared = 0;
+    for (unsigned i = 0; i < D; ++i) {
+      double change = 0;
+      for (unsigned j = 0; j < D; ++j) change += C[i * D + j] * a[j];
+      along += a[i] * change;
+      squared += change * change;
+    }
+    const double dt = system.time_step, turn = dt * dt * std::max(0.0, squared - along * along);
+    return turn < 1 ? -turn / (dt * (1 + std::sqrt(1 - turn))) : -1 / dt;
   }
 
   ProjectionMemory memory_;

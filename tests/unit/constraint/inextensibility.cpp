@@ -44,7 +44,7 @@ ConstraintReport hold_fibers(kit::GridSystem& s, ProjectionMemory& memory, const
   const cleave_constraint_system system = seen(s);
   Projection projection(system, memory);
   const auto add_all = [&](auto rows) {
-    for (std::uint64_t p = 0; p < system.particle_count; ++p) rows.add(p, current_fiber(system, p), strain);
+    for (std::uint64_t p = 0; p < system.particle_count; ++p) rows.add(p, current_fiber(system, p), 0, strain);
     rows.write(projection, rate);
   };
   if (s.dimension == 3)
