@@ -3,6 +3,7 @@
 #include "app/new_plugin_command.hpp"
 #include "app/plugins_command.hpp"
 #include "app/point_command.hpp"
+#include "app/render_command.hpp"
 #include "app/run_command.hpp"
 #include "app/study_command.hpp"
 #include "app/validate_command.hpp"
@@ -103,6 +104,11 @@ int main(int argc, char** argv) {
   auto* study_cli = cli.add_subcommand("study", "Speed against accuracy, and maps of stability, over many runs of a scene");
   app::add_study_options(*study_cli, study);
   study_cli->callback([&] { status = app::study_command(study, registry()); });
+
+  app::RenderOptions render;
+  auto* render_cli = cli.add_subcommand("render", "Draw pictures of a run");
+  app::add_render_options(*render_cli, render);
+  render_cli->callback([&] { status = app::render_command(render, registry()); });
 
   app::NewPluginOptions project;
   auto* new_plugin_cli = cli.add_subcommand("new-plugin", "Write a project for a plugin: source, tests, scene and build");

@@ -101,7 +101,7 @@ TEST_F(VdbFrames, ABodyWithoutParticlesKeepsItsGrid) {
   Writer(directory, {"vdb"}, true).frame(frame);
   for (const char* name : {"points/frame_0007.vdb", "surface/frame_0007.vdb"}) {
     const openvdb::GridPtrVec all = grids(name);
-    ASSERT_EQ(all.size(), 3u) << name;
+    ASSERT_EQ(all.size(), name[0] == 's' ? 6u : 3u) << name;  // surfaces come with the damage on them
     const auto gone = std::find_if(all.begin(), all.end(), [](const auto& grid) { return grid->getName() == "gone"; });
     ASSERT_NE(gone, all.end()) << name;
     EXPECT_EQ((*gone)->activeVoxelCount(), 0u) << name;
