@@ -88,6 +88,7 @@ Pieces::Pieces(const ParticleFrame& rest, std::vector<bool> counted)
       connect(rest, rest.body_begin(b), rest.body_ends[b]);
     else
       first_.resize(rest.body_ends[b] + 1, others_.size());
+  others_.shrink_to_fit();
 }
 
 void Pieces::connect(const ParticleFrame& rest, std::size_t begin, std::size_t end) {

@@ -133,6 +133,13 @@ TEST(PiecesOfABody, AreNotTornByTheRandomnessOfSampling) {
     }
 }
 
+TEST(PiecesOfABody, TakeFortyBytesPerParticle) {
+  const ParticleFrame rest = block(40, 40, 40, 1);
+  Pieces pieces(rest, {true});
+  pieces.find(rest);
+  EXPECT_NEAR(double(pieces.bytes()) / double(rest.particles()), 40, 3);
+}
+
 TEST(PiecesOfABody, AreNeverSharedWithAnotherAndOnlyCountedBodiesHaveAny) {
   ParticleFrame rest = block(12, 6, 5);
   const std::size_t third = rest.particles() / 3;  // bodies that touch
