@@ -4,6 +4,7 @@
 #include "app/plugins_command.hpp"
 #include "app/point_command.hpp"
 #include "app/render_command.hpp"
+#include "app/report_command.hpp"
 #include "app/run_command.hpp"
 #include "app/study_command.hpp"
 #include "app/validate_command.hpp"
@@ -109,6 +110,11 @@ int main(int argc, char** argv) {
   auto* render_cli = cli.add_subcommand("render", "Draw pictures of a run");
   app::add_render_options(*render_cli, render);
   render_cli->callback([&] { status = app::render_command(render, registry()); });
+
+  app::ReportOptions report;
+  auto* report_cli = cli.add_subcommand("report", "Write one HTML page of all that is known of a run");
+  app::add_report_options(*report_cli, report);
+  report_cli->callback([&] { status = app::report_command(report); });
 
   app::NewPluginOptions project;
   auto* new_plugin_cli = cli.add_subcommand("new-plugin", "Write a project for a plugin: source, tests, scene and build");
