@@ -57,14 +57,15 @@ std::size_t first_not_finite(const double* values, std::size_t points) {
 }  // namespace
 
 Discretization::Discretization(const config::Scene& scene, const config::Material& material,
-                               std::vector<mpm::SampledBody> bodies, plugins::Registry& registry)
+                               std::vector<mpm::SampledBody> bodies, plugins::Registry& registry, std::int64_t first_particle)
     : material_(material.name),
       density_(material.density),
       settings_(scene.simulation),
       output_(scene.output),
       elasticity_(elastic_law(material, registry, {settings_.dimension, 0, density_})),
       surroundings_(scene, bodies),
-      instance_(method_of(material, registry, {settings_.dimension, 0, density_}, elasticity_)) {
+      instance_(method_of(material, registry, {settings_.dimension, 0, density_}, elasticity_)),
+      first_particle_(first_particle) {
   for (auto& body : bodies) add(material, body);
   if (!settings_.time_step) return;
   if (const double stable = stable_step(), step = *settings_.time_step; step > stable * (1 + 1e-9))
@@ -85,7 +86,16 @@ void Discretization::add(const config::Material& material, mpm::SampledBody& sam
   if (instance_.can(CLEAVE_NEEDS_TETRAHEDRA) && !sampled.mesh)
     refuse(id + " needs tetrahedra; add to it: tetrahedra = { edge_length = ... }, in metres, or { file = ... }");
   Body body{sampled.name, source.volumes, nullptr};
-  if (elasticity_) body.elasticity = std::make_unique<ElasticResponse>(elasticity_, sampled.name, std::move(sampled.fibers));
+  if (elasticity_) {
+    const auto& law = elasticity_.description();
+    mpm::BatchOrigin origin;
+    origin.material = material_;
+    origin.dimension = settings_.dimension;
+    origin.density = density_;
+    origin.laws = {{law.id, law.version, material.elasticity.parameters}};
+    body.elasticity = std::make_unique<ElasticResponse>(elasticity_, sampled.name, std::move(sampled.fibers), std::move(origin),
+                                                        first_particle_ + std::int64_t(points_));
+  }
   double volume = 0;
   for (const double v : body.volumes) volume += v;
   const auto positions = flattened(source.positions), velocities = flattened(source.velocities);
@@ -171,10 +181,17 @@ void Discretization::advance(double time_step) {
   const auto start = std::chrono::steady_clock::now();
   in_step(
       [&] {
+        for (const auto& body : bodies_)
+          if (body.elasticity) body.elasticity->forget_failures();
         plugins::Message message;
         const auto result = instance_.discretization().step(instance_.handle(), time_step,
                                                             surroundings_.during(time_, time_step), message.get());
-        if (result != CLEAVE_OK) fail("failed: " + message.reason(result));
+        if (result != CLEAVE_OK) {
+          const std::string reason = message.reason(result);
+          for (const auto& body : bodies_)
+            if (body.elasticity && failed_batch_.empty()) failed_batch_ = body.elasticity->failed_batch(reason);
+          fail("failed: " + reason);
+        }
         for (std::size_t b = 0; b < bodies_.size(); b++) {
           const auto all = fields(b);
           for (const char* name : {"position", "velocity"}) {
@@ -413,13 +430,10 @@ std::vector<std::pair<std::string, double>> Discretization::bytes_per_particle()
 std::vector<output::PluginRecord> Discretization::plugins() const {
   std::vector<output::PluginRecord> used;
   for (const auto* law : {&elasticity_, &instance_})
-    if (*law) used.push_back({law->description().id, law->description().version, law->plugin().path().string()});
+    if (*law)
+      used.push_back(
+          {law->description().id, law->description().version, law->plugin().path().string(), law->plugin().sha256()});
   return used;
-}
-
-const std::string& Discretization::failed_batch() const {
-  static const std::string none;
-  return none;
 }
 
 }  // namespace cleave::discretization

@@ -18,8 +18,10 @@ namespace cleave::discretization {
 /// its surfaces as meshes. In a record minimum_J > maximum_J if no body has F.
 class Discretization final : public mpm::Simulation {
  public:
-  /// Hands the bodies to an instance of the material's plugin. Throws InputError if it refuses one.
-  Discretization(const config::Scene&, const config::Material&, std::vector<mpm::SampledBody>, plugins::Registry&);
+  /// Hands the bodies to an instance of the material's plugin. `first_particle` is the number of their first point in the
+  /// scene. Throws InputError if it refuses one.
+  Discretization(const config::Scene&, const config::Material&, std::vector<mpm::SampledBody>, plugins::Registry&,
+                 std::int64_t first_particle);
 
   mpm::Bound largest_step() override;
   std::int64_t particles() const override { return std::int64_t(points_); }
@@ -36,7 +38,7 @@ class Discretization final : public mpm::Simulation {
   std::vector<std::pair<std::string, double>> bytes_per_particle() const override;
   std::vector<output::PluginRecord> plugins() const override;
   const char* isa() const override { return "none"; }
-  const std::string& failed_batch() const override;
+  const std::string& failed_batch() const override { return failed_batch_; }
   std::vector<std::string> not_saved() const override { return {}; }
 
  private:
@@ -78,6 +80,8 @@ class Discretization final : public mpm::Simulation {
   Surroundings surroundings_;
   plugins::Instance instance_;
   double seconds_ = 0;
+  std::int64_t first_particle_;
+  std::string failed_batch_;
 };
 
 }  // namespace cleave::discretization

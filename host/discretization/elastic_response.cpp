@@ -39,6 +39,10 @@ double determinant(const double* F) {
   return F[0] * (F[4] * F[8] - F[5] * F[7]) - F[1] * (F[3] * F[8] - F[5] * F[6]) + F[2] * (F[3] * F[7] - F[4] * F[6]);
 }
 
+cleave_field_id stress_of(const plugins::Instance& law) {
+  return law.can(CLEAVE_HAS_PIOLA) ? CLEAVE_FIELD_PIOLA : CLEAVE_FIELD_TAU;
+}
+
 void write(const std::string& text, cleave_message* message) {
   if (!message || !message->text || message->text_capacity == 0) return;
   const std::size_t length = std::min<std::size_t>(text.size(), message->text_capacity - 1);
@@ -53,29 +57,33 @@ struct ElasticResponse::Tiles {
   double& value(std::uint64_t point, std::uint32_t row) { return at[point / lanes][row][point % lanes]; }
 };
 
-ElasticResponse::ElasticResponse(const plugins::Instance& law, std::string body, scene::FiberField fibers)
+ElasticResponse::Watched::Watched(const plugins::Instance& law, mpm::LawLayout layout, mpm::BatchOrigin origin)
+    : layout_(std::move(layout)),
+      watch_({law.handle(), law.elasticity().evaluate_f64, layout_.get()}, false,
+             [&] {
+               origin.failed = law.description().id;
+               origin.wanted = mpm::LawWatch::outputs_of({law.handle(), law.elasticity().evaluate_f64, layout_.get()});
+               return mpm::batch_header(origin);
+             }()),
+      call_(watch_.watched()) {}
+
+ElasticResponse::ElasticResponse(const plugins::Instance& law, std::string body, scene::FiberField fibers,
+                                 mpm::BatchOrigin origin, std::int64_t first_particle)
     : law_(law),
       body_(std::move(body)),
       fibers_(std::move(fibers)),
+      first_particle_(first_particle),
       takes_b_(!law.can(CLEAVE_ACCEPTS_F)),
-      stress_(inputs(law.can(CLEAVE_HAS_PIOLA) || !takes_b_, false)),
-      energy_(inputs(!takes_b_, false)),
-      stress_and_energy_(stress_),
-      differential_(inputs(true, true)),
-      wave_modulus_(energy_) {
-  for (auto* layout : {&stress_, &stress_and_energy_}) {
-    if (law.can(CLEAVE_HAS_PIOLA))
-      layout->add(CLEAVE_FIELD_PIOLA, rows(stress_row, 9));
-    else
-      layout->add(CLEAVE_FIELD_TAU, rows(stress_row, 6));
-  }
-  for (auto* layout : {&energy_, &stress_and_energy_}) layout->add(CLEAVE_FIELD_ENERGY, rows(scalar_row, 1));
-  differential_.add(CLEAVE_FIELD_DELTA_P, rows(stress_row, 9));
-  wave_modulus_.add(CLEAVE_FIELD_WAVE_MODULUS, rows(scalar_row, 1));
+      stress_(bind(origin, law.can(CLEAVE_HAS_PIOLA) || !takes_b_, false, {stress_of(law)})),
+      energy_(bind(origin, !takes_b_, false, {CLEAVE_FIELD_ENERGY})),
+      stress_and_energy_(bind(origin, law.can(CLEAVE_HAS_PIOLA) || !takes_b_, false, {stress_of(law), CLEAVE_FIELD_ENERGY})),
+      differential_(bind(origin, true, true, {CLEAVE_FIELD_DELTA_P})),
+      wave_modulus_(bind(origin, !takes_b_, false, {CLEAVE_FIELD_WAVE_MODULUS})) {
   table_ = {sizeof table_, 0, this, &evaluate, &differential, &wave_modulus};
 }
 
-mpm::LawLayout ElasticResponse::inputs(bool deformation, bool delta) const {
+auto ElasticResponse::bind(const mpm::BatchOrigin& origin, bool deformation, bool delta,
+                           std::initializer_list<cleave_field_id> outputs) const -> Watched {
   mpm::LawLayout layout{row_count * CLEAVE_TILE_BYTES};
   if (deformation)
     layout.add(CLEAVE_FIELD_F, rows(deformation_row, 9));
@@ -84,7 +92,11 @@ mpm::LawLayout ElasticResponse::inputs(bool deformation, bool delta) const {
   if (delta) layout.add(CLEAVE_FIELD_DELTA_F, rows(delta_row, 9));
   if (law_.can(CLEAVE_NEEDS_FIBER) || law_.can(CLEAVE_NEEDS_SECOND_FIBER)) layout.add(CLEAVE_FIELD_FIBER, rows(fiber_row, 3));
   if (law_.can(CLEAVE_NEEDS_SECOND_FIBER)) layout.add(CLEAVE_FIELD_SECOND_FIBER, rows(second_fiber_row, 3));
-  return layout;
+  for (const auto output : outputs) {
+    const bool scalar = output == CLEAVE_FIELD_ENERGY || output == CLEAVE_FIELD_WAVE_MODULUS;
+    layout.add(output, scalar ? rows(scalar_row, 1) : rows(stress_row, output == CLEAVE_FIELD_TAU ? 6 : 9));
+  }
+  return {law_, std::move(layout), origin};
 }
 
 /// Lanes beyond the last point repeat it, so that a point's neighbours never are what an earlier call has left.
@@ -117,25 +129,31 @@ cleave_result ElasticResponse::for_batches(const Call& call, cleave_message* mes
   for (std::uint64_t begin = 0; begin < call.count; begin += batch_points) {
     const std::uint64_t points = std::min<std::uint64_t>(batch_points, call.count - begin);
     const auto point_of = [&](std::uint64_t i) { return call.first + (call.same_point ? 0 : begin + i); };
-    if (!law_.can(CLEAVE_INVERSION_SAFE))
-      for (std::uint64_t i = 0; i < (call.same_point ? 1 : points); i++)
-        if (const double J = determinant(call.F + 9 * (point_of(i) - call.first)); !(J > 0))
-          return fail(point_of(i), fmt::format("det F = {:.4g}, where {} is not defined", J, law_.description().id), message);
     gather(call, begin, points, tiles);
-    cleave_status status[batch_points] = {};
+    cleave_status status[mpm::chunk_points] = {};
+    static_assert(batch_points <= mpm::chunk_points);
     cleave_batch batch{};
     batch.struct_size = sizeof batch;
     batch.count = std::uint32_t(points);
-    batch.layout = call.layout.get();
+    batch.layout = call.law.layout();
     batch.streams[0] = &tiles;
     batch.status = status;
     batch.message = said.get();
-    const cleave_result result = law_.elasticity().evaluate_f64(law_.handle(), &batch);
+    const cleave_result result = call.law(batch);
+    const auto fail = [&](std::uint64_t point, const std::string& what) {
+      const std::string text = words(point, what);
+      keep(text, call, begin, batch, result);
+      write(text, message);
+      return CLEAVE_ERROR_INTERNAL;
+    };
+    if (!law_.can(CLEAVE_INVERSION_SAFE))
+      for (std::uint64_t i = 0; i < (call.same_point ? 1 : points); i++)
+        if (const double J = determinant(call.F + 9 * (point_of(i) - call.first)); !(J > 0))
+          return fail(point_of(i), fmt::format("det F = {:.4g}, where {} is not defined", J, law_.description().id));
     const auto worst = std::max_element(status, status + points);
     const std::uint64_t point = point_of(std::uint64_t(worst - status));
-    if (*worst >= CLEAVE_STATUS_RETRY)
-      return fail(point, fmt::format("{} has no valid result", law_.description().id), message);
-    if (result != CLEAVE_OK) return fail(point, law_.description().id + " failed: " + said.reason(result), message);
+    if (*worst >= CLEAVE_STATUS_RETRY) return fail(point, law_.description().id + " has no valid result");
+    if (result != CLEAVE_OK) return fail(point, law_.description().id + " failed: " + said.reason(result));
     if (*worst == CLEAVE_STATUS_UNRELIABLE && !warned_.exchange(true))
       spdlog::warn("point {} of body '{}': what {} gives is outside of its validity; said once", point, body_,
                    law_.description().id);
@@ -144,9 +162,41 @@ cleave_result ElasticResponse::for_batches(const Call& call, cleave_message* mes
   return CLEAVE_OK;
 }
 
-cleave_result ElasticResponse::fail(std::uint64_t point, const std::string& what, cleave_message* message) const {
-  write(fmt::format("point {} of body '{}': {}", point, body_, what), message);
-  return CLEAVE_ERROR_INTERNAL;
+std::string ElasticResponse::words(std::uint64_t point, const std::string& what) const {
+  return fmt::format("point {} of body '{}': {}", point, body_, what);
+}
+
+void ElasticResponse::keep(const std::string& words, const Call& call, std::uint64_t begin, const cleave_batch& batch,
+                           cleave_result result) const {
+  Failure failure{words, &call.law.watch(), {}, {}};
+  if (mpm::LawWatch::outputs_of({law_.handle(), law_.elasticity().evaluate_f64, call.law.layout()}).empty()) return;
+  failure.batch.returned = true;
+  failure.batch.result = result;
+  failure.law->read(failure.batch, batch, nullptr);  // nothing is written where something is read
+  for (std::uint64_t i = 0; i < batch.count; i++)
+    failure.particles.push_back(first_particle_ + std::int64_t(call.first + (call.same_point ? 0 : begin + i)));
+  const std::lock_guard lock(failures_mutex_);
+  if (failures_.size() == most_failures) failures_.pop_front();
+  failures_.push_back(std::move(failure));
+}
+
+std::string ElasticResponse::failed_batch(const std::string& reason) const {
+  const std::lock_guard lock(failures_mutex_);
+  const auto named = [&](const Failure& failure) { return reason.find(failure.words) != std::string::npos; };
+  const auto failure = std::find_if(failures_.rbegin(), failures_.rend(), named);
+  if (failure == failures_.rend()) return {};
+  std::string text;
+  const mpm::Put append = [](void* sink, const char* part, std::size_t size) {
+    static_cast<std::string*>(sink)->append(part, size);
+  };
+  mpm::write_batch(append, &text, failure->law->header().c_str(), failure->batch.result == CLEAVE_OK ? "status" : "error",
+                   failure->batch, false, failure->particles.data());
+  return text;
+}
+
+void ElasticResponse::forget_failures() {
+  const std::lock_guard lock(failures_mutex_);
+  failures_.clear();
 }
 
 cleave_result ElasticResponse::evaluate(void* self, std::uint64_t first, std::uint64_t count, const double* F, double* energy,
@@ -156,13 +206,15 @@ cleave_result ElasticResponse::evaluate(void* self, std::uint64_t first, std::ui
   if (energy && !offers_energy) std::fill_n(energy, count, std::numeric_limits<double>::quiet_NaN());
   if (!offers_energy) energy = nullptr;
   if (!energy && !P) return CLEAVE_OK;
-  const auto& layout = !P ? s.energy_ : energy ? s.stress_and_energy_ : s.stress_;
+  const auto& law = !P ? s.energy_ : energy ? s.stress_and_energy_ : s.stress_;
   const bool piola = s.law_.can(CLEAVE_HAS_PIOLA);
   if (P && !piola)
     for (std::uint64_t i = 0; i < count; i++)
-      if (determinant(F + 9 * i) == 0)
-        return s.fail(first + i, "det F = 0, where " + s.law_.description().id + " gives no P", message);
-  return s.for_batches({layout, first, count, F}, message, [&](Tiles& tiles, std::uint64_t begin, std::uint64_t points) {
+      if (determinant(F + 9 * i) == 0) {
+        write(s.words(first + i, "det F = 0, where " + s.law_.description().id + " gives no P"), message);
+        return CLEAVE_ERROR_INTERNAL;
+      }
+  return s.for_batches({law, first, count, F}, message, [&](Tiles& tiles, std::uint64_t begin, std::uint64_t points) {
     for (std::uint64_t i = 0; i < points; i++) {
       if (energy) energy[begin + i] = tiles.value(i, scalar_row);
       if (!P) continue;

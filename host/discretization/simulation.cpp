@@ -110,7 +110,8 @@ class MixedSimulation final : public mpm::Simulation {
       for (auto& body : bodies)
         if (body.material == m) own.push_back(std::move(body));
       if (own.empty()) continue;
-      parts_.push_back(std::make_unique<Discretization>(scene, discretized.materials[m], std::move(own), registry));
+      parts_.push_back(
+          std::make_unique<Discretization>(scene, discretized.materials[m], std::move(own), registry, particles()));
     }
     if (parts_.empty()) throw InputError("the scene has no body to simulate");
     for (const auto& part : parts_)

@@ -95,7 +95,12 @@ const FailedBatches::Kept* FailedBatches::find(const char* tile) const {
 // ------------------------------------------------------------------------------------------------- watching
 
 LawWatch::LawWatch(const BoundLaw& law, bool single, std::string header, FailedBatches& failed)
-    : law_(law), single_(single), header_(std::move(header)), failed_(failed) {
+    : LawWatch(law, single, std::move(header)) {
+  failed_ = &failed;
+}
+
+LawWatch::LawWatch(const BoundLaw& law, bool single, std::string header)
+    : law_(law), single_(single), header_(std::move(header)), failed_(nullptr) {
   if (!law_.function) return;
   for (const auto& field : field_names) {
     const cleave_field& range = law_.layout->fields[field.id];
@@ -149,7 +154,7 @@ cleave_result LawWatch::call(const cleave_instance* instance, const cleave_batch
     const cleave_status worst = *std::max_element(batch->status, batch->status + chunk_points);
     if (worst < CLEAVE_STATUS_RETRY && result == CLEAVE_OK) return result;
     const std::size_t degree = worst >= CLEAVE_STATUS_FATAL ? 2 : worst == CLEAVE_STATUS_RETRY ? 1 : 0;
-    watch.failed_.keep(degree, watch, *batch, saved, result, not_finite);
+    if (watch.failed_) watch.failed_->keep(degree, watch, *batch, saved, result, not_finite);
   }
   return result;
 }

@@ -41,6 +41,8 @@ class LawWatch {
  public:
   /// `header` is what batch_header says of the law.
   LawWatch(const BoundLaw&, bool single, std::string header, FailedBatches&);
+  /// Keeps nothing but what a crash leaves: who calls reads what the law failed on.
+  LawWatch(const BoundLaw&, bool single, std::string header);
   LawWatch(const LawWatch&) = delete;
   LawWatch& operator=(const LawWatch&) = delete;
 
@@ -71,7 +73,7 @@ class LawWatch {
   BoundLaw law_;
   bool single_;
   std::string header_;
-  FailedBatches& failed_;
+  FailedBatches* failed_;  // may be null
   std::vector<Place> inputs_, outputs_;
   std::vector<cleave_component> overwritten_, results_;
 };

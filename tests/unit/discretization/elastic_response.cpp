@@ -11,6 +11,8 @@
 #include <Eigen/LU>
 
 #include <cmath>
+#include <filesystem>
+#include <fstream>
 #include <random>
 #include <vector>
 
@@ -237,6 +239,38 @@ TEST(ElasticResponse, NamesThePointWhereTheLawIsNotDefined) {
   EXPECT_NE(lent.table.evaluate(lent.table.user, 0, 2, F.data(), nullptr, out.data(), lent.message.get()), CLEAVE_OK);
   EXPECT_EQ(std::string(lent.message.text()),
             "point 1 of body 'beam': det F = 0, where elasticity/point-stress-only gives no P");
+}
+
+TEST(ElasticResponse, KeepsTheBatchThatTheReasonOfAFailureNames) {
+  Lent lent("elasticity/split-neo-hookean");
+  mpm::BatchOrigin origin;
+  origin.material = "rubber";
+  origin.laws = {
+      {"elasticity/split-neo-hookean", lent.law.description().version, {{"shear_modulus", shear}, {"bulk_modulus", bulk}}}};
+  ElasticResponse response(lent.law, "beam", {}, origin, 1000);
+  const auto& table = *response.table();
+  constexpr std::uint64_t points = 40;
+  const auto fail_at = [&](std::uint64_t point) {
+    std::vector<double> F, P(9 * points);
+    for (std::uint64_t i = 0; i < points; i++)
+      for (int k = 0; k < 9; k++) F.push_back(k % 4 ? 0 : i == point && k == 0 ? -0.5 : 1);
+    plugins::Message message;
+    EXPECT_EQ(table.evaluate(table.user, 0, points, F.data(), nullptr, P.data(), message.get()), CLEAVE_ERROR_INTERNAL);
+    return message.reason(CLEAVE_ERROR_INTERNAL);
+  };
+  const std::string second = fail_at(35), first = fail_at(3);
+  EXPECT_THAT(second, testing::StartsWith("point 35 of body 'beam': det F = -0.5"));
+  EXPECT_EQ(response.failed_batch("no convergence"), "");
+  const auto file = std::filesystem::path(testing::TempDir()) / "failed_batch_of_elements.json";
+  std::ofstream(file) << response.failed_batch("step 3: " + second + ", which was too much");
+  const auto batch = mpm::read_batch(file);
+  EXPECT_EQ(batch.failed, "elasticity/split-neo-hookean");
+  EXPECT_EQ(batch.count, 8u) << "of a tile of 32 and the rest";
+  EXPECT_EQ(batch.particles.at(3), 1035);
+  EXPECT_EQ(batch.inputs.at(CLEAVE_FIELD_F).at(0).at(3), -0.5);
+  EXPECT_EQ(batch.inputs.at(CLEAVE_FIELD_F).at(0).at(2), 1);
+  response.forget_failures();
+  EXPECT_EQ(response.failed_batch(first), "");
 }
 
 }  // namespace
