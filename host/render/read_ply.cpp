@@ -35,8 +35,7 @@ double number_at(const char* row, const Property& p) {
 
 /// Names of the properties that are not the format's own, as attributes: x y z and xx ... belong together.
 std::map<std::string, std::vector<std::string>> grouped(const std::vector<Property>& properties) {
-  static const std::set<std::string> own = {"x",    "y",     "z",      "vx",  "vy",    "vz",  "id",
-                                            "body", "piece", "pscale", "red", "green", "blue"};
+  static const std::set<std::string> own = {"x", "y", "z", "vx", "vy", "vz", "id", "body", "pscale", "red", "green", "blue"};
   std::set<std::string> names;
   for (const Property& p : properties)
     if (!own.contains(p.name)) names.insert(p.name);
