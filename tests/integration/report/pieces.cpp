@@ -51,6 +51,7 @@ TEST_F(PiecesOfARun, ColorWhatTheSceneSays) {
   const Outcome run = cleave(heart("--out run --frames 1 --set 'output.color={ by = \"piece\" }'"));
   ASSERT_EQ(run.status, 0) << run.err;
   EXPECT_NE(contents(directory / "run/ply/frame_0001.ply").find("property uchar red"), std::string::npos);
+  EXPECT_EQ(cleave("validate run/scene.toml").status, 0) << "the scene that is written back is one";
   for (const auto& [color, reason] :
        {std::pair("{ by = \"piece\", range = [0, 1] }", "has no effect"), std::pair("{ by = \"pieces\" }", "did you mean"),
         std::pair("{ by = \"J\" }", "range"), std::pair("{ by = \"J\", range = [2, 1] }", "from a smaller value")}) {
