@@ -1,5 +1,5 @@
 #include "common/error.hpp"
-#include "scene/tetrahedra_formats.hpp"
+#include "scene/vtk_cells.hpp"
 
 #include <spdlog/fmt/fmt.h>
 
@@ -154,7 +154,7 @@ class Reader {
         input_.fail("expected POINTS, CELLS or CELL_TYPES, found another line");
       }
     }
-    take_tetrahedra();
+    take_tetrahedra(cells_, result_, [&](const std::string& problem) { input_.fail(problem); });
     return std::move(result_);
   }
 
@@ -213,33 +213,33 @@ class Reader {
     const Input start = input_;
     const auto next = input_.at_end() ? std::vector<std::string>() : input_.words();
     if (!next.empty() && next[0] == "offsets") {
-      input_.numbers(first, type(next, 1), "an offset", [&](double offset) { offsets_.push_back(offset); });
+      input_.numbers(first, type(next, 1), "an offset", [&](double offset) { cells_.offsets.push_back(offset); });
       const auto line = input_.words();
       if (line.empty() || line[0] != "connectivity") input_.fail("expected CONNECTIVITY after OFFSETS");
-      input_.numbers(second, type(line, 1), "a corner", [&](double corner) { corners_.push_back(corner); });
+      input_.numbers(second, type(line, 1), "a corner", [&](double corner) { cells_.corners.push_back(corner); });
       return;
     }
     input_ = start;
     std::int64_t left = 0;
-    offsets_.push_back(0);
+    cells_.offsets.push_back(0);
     input_.numbers(second, integer32, "a corner or the number of corners of a cell", [&](double value) {
       if (left > 0) {
-        corners_.push_back(value);
+        cells_.corners.push_back(value);
         left--;
       } else {
         if (!(value >= 0 && value <= double(second))) input_.fail(fmt::format("a cell cannot have {:g} corners", value));
         left = std::int64_t(value);
-        offsets_.push_back(offsets_.back() + value);
+        cells_.offsets.push_back(cells_.offsets.back() + value);
       }
     });
-    if (left > 0 || std::int64_t(offsets_.size()) != first + 1)
-      input_.fail(fmt::format("CELLS says {} cells, its {} numbers hold {}", first, second, offsets_.size() - 1));
+    if (left > 0 || std::int64_t(cells_.offsets.size()) != first + 1)
+      input_.fail(fmt::format("CELLS says {} cells, its {} numbers hold {}", first, second, cells_.offsets.size() - 1));
   }
 
   void read_types(const std::vector<std::string>& words) {
     if (has_types_) input_.fail("there are CELL_TYPES already");
     has_types_ = true;
-    input_.numbers(count(words, 1, 0), integer32, "the type of a cell", [&](double value) { types_.push_back(value); });
+    input_.numbers(count(words, 1, 0), integer32, "the type of a cell", [&](double value) { cells_.types.push_back(value); });
   }
 
   /// FIELD name n, then n times: name components tuples type, and the numbers.
@@ -258,42 +258,41 @@ class Reader {
     input_.fail(fmt::format("the file ends without {}", !has_points_ ? "POINTS" : !has_cells_ ? "CELLS" : "CELL_TYPES"));
   }
 
-  void take_tetrahedra() {
-    constexpr int tetrahedron = 10, first_volume = 11;  // of VTK's cell types: below are points, lines and faces
-    auto& result = result_;
-    if (types_.size() + 1 != offsets_.size() && !(types_.empty() && offsets_.empty()))
-      input_.fail(fmt::format("there are {} types for {} cells", types_.size(), offsets_.empty() ? 0 : offsets_.size() - 1));
-    std::size_t others = 0;
-    for (std::size_t cell = 0; cell < types_.size(); cell++) {
-      const double begin = offsets_[cell], end = offsets_[cell + 1];
-      if (types_[cell] != tetrahedron) {
-        if (types_[cell] >= first_volume)
-          input_.fail(
-              fmt::format("cell {} is of type {:g}; volumes must be tetrahedra of four corners, type 10", cell, types_[cell]));
-        others++;
-        continue;
-      }
-      if (!(begin >= 0 && end == begin + 4 && end <= double(corners_.size())))
-        input_.fail(fmt::format("cell {} is a tetrahedron without four corners", cell));
-      auto& corners = result.mesh.tetrahedra.emplace_back();
-      for (std::size_t i = 0; i < 4; i++) {
-        const double corner = corners_[std::size_t(begin) + i];
-        if (!(corner >= 0 && corner < double(result.mesh.vertices.size())))
-          input_.fail(fmt::format("cell {} has corner {:g}; corners must be from 0 to {}", cell, corner,
-                                  result.mesh.vertices.size() - 1));
-        corners[i] = std::uint32_t(corner);
-      }
-    }
-    if (others > 0) result.notes.push_back(fmt::format("{} cells that are points, lines or faces are left out", others));
-  }
-
   Input input_;
   TetrahedraFile result_;
   bool has_points_ = false, has_cells_ = false, has_types_ = false;
-  std::vector<double> offsets_, corners_, types_;
+  VtkCells cells_;
 };
 
 }  // namespace
+
+void take_tetrahedra(const VtkCells& cells, TetrahedraFile& result, const std::function<void(const std::string&)>& fail) {
+  constexpr int tetrahedron = 10, first_volume = 11;  // of VTK's cell types: below are points, lines and faces
+  const auto& [offsets, all_corners, types] = cells;
+  if (types.size() + 1 != offsets.size() && !(types.empty() && offsets.empty()))
+    fail(fmt::format("there are {} types for {} cells", types.size(), offsets.empty() ? 0 : offsets.size() - 1));
+  std::size_t others = 0;
+  for (std::size_t cell = 0; cell < types.size(); cell++) {
+    const double begin = offsets[cell], end = offsets[cell + 1];
+    if (types[cell] != tetrahedron) {
+      if (types[cell] >= first_volume)
+        fail(fmt::format("cell {} is of type {:g}; volumes must be tetrahedra of four corners, type 10", cell, types[cell]));
+      others++;
+      continue;
+    }
+    if (!(begin >= 0 && end == begin + 4 && end <= double(all_corners.size())))
+      fail(fmt::format("cell {} is a tetrahedron without four corners", cell));
+    auto& corners = result.mesh.tetrahedra.emplace_back();
+    for (std::size_t i = 0; i < 4; i++) {
+      const double corner = all_corners[std::size_t(begin) + i];
+      if (!(corner >= 0 && corner < double(result.mesh.vertices.size())))
+        fail(fmt::format("cell {} has corner {:g}; corners must be from 0 to {}", cell, corner,
+                         std::int64_t(result.mesh.vertices.size()) - 1));
+      corners[i] = std::uint32_t(corner);
+    }
+  }
+  if (others > 0) result.notes.push_back(fmt::format("{} cells that are points, lines or faces are left out", others));
+}
 
 TetrahedraFile parse_vtk(const std::filesystem::path& file, std::string_view bytes) { return Reader(file, bytes).read(); }
 

@@ -19,6 +19,7 @@ TetrahedraFile parse_tetgen(const std::filesystem::path& node_file, std::string_
                             const std::filesystem::path& ele_file, std::string_view elements);
 TetrahedraFile parse_medit(const std::filesystem::path& file, std::string_view bytes);
 TetrahedraFile parse_vtk(const std::filesystem::path& file, std::string_view bytes);
+TetrahedraFile parse_vtu(const std::filesystem::path& file, std::string_view bytes);
 
 /// Words of a text in which what follows a '#' up to the end of the line is a comment.
 class CommentedText {

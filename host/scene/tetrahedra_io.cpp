@@ -68,10 +68,12 @@ TetrahedralMesh read_tetrahedra(const std::filesystem::path& file, std::vector<s
     read = parse_medit(file, read_bytes(file));
   } else if (extension == ".vtk") {
     read = parse_vtk(file, read_bytes(file));
+  } else if (extension == ".vtu") {
+    read = parse_vtu(file, read_bytes(file));
   } else {
     throw InputError(file.string() +
-                     ": not a file of tetrahedra; its name must end in .node or .ele (TetGen), .mesh (Medit) or "
-                     ".vtk (legacy VTK)");
+                     ": not a file of tetrahedra; its name must end in .node or .ele (TetGen), .mesh (Medit), "
+                     ".vtk (legacy VTK) or .vtu (VTK's XML)");
   }
   for (const std::string& note : read.notes) notes.push_back(file.string() + ": " + note);
   for (std::string& note : make_valid(read.mesh, file.string(), read.first_number)) notes.push_back(std::move(note));

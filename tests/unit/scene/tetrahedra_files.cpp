@@ -1,6 +1,7 @@
 #include "scene/tetrahedra_io.hpp"
 #include "scene_testing.hpp"
 
+#include <array>
 #include <bit>
 #include <cstdint>
 #include <cstring>
@@ -62,6 +63,55 @@ std::string binary_vtk() {
          big_endian(4, 0, 1, 2, 3, 4, 1, 2, 3, 4) + "\nCELL_TYPES 2\n" + big_endian(10, 10) + "\n";
 }
 
+/// The grid of the other formats in VTK's XML; `arrays` are the attributes and contents of points, corners, offsets and types.
+std::string vtu(const std::string& header, const std::array<std::string, 4>& arrays, const std::string& appended = "") {
+  return "<?xml version=\"1.0\"?>\n<VTKFile type=\"UnstructuredGrid\" " + header +
+         ">\n<UnstructuredGrid>\n<Piece NumberOfPoints=\"5\" NumberOfCells=\"2\">\n<PointData/>\n<Points>\n"
+         "<DataArray type=\"Float32\" NumberOfComponents=\"3\" " +
+         arrays[0] + "</DataArray>\n</Points>\n<Cells>\n<DataArray type=\"Int32\" Name=\"connectivity\" " + arrays[1] +
+         "</DataArray>\n<DataArray type=\"Int64\" Name=\"offsets\" " + arrays[2] +
+         "</DataArray>\n<DataArray type=\"UInt8\" Name=\"types\" " + arrays[3] +
+         "</DataArray>\n</Cells>\n</Piece>\n</UnstructuredGrid>\n" + appended + "</VTKFile>\n";
+}
+std::string text_vtu() {
+  return vtu("version=\"0.1\"", {">0 0 0 1 0 0 0 1 0 0 0 1 1 1 1", "format=\"ascii\">0 1 2 3 1 2 3 4", ">4 8", ">10\n10"});
+}
+std::string base64_vtu() {
+  return vtu(
+      "header_type=\"UInt64\" byte_order=\"LittleEndian\"",
+      {"format=\"binary\">\nPAAAAAAAAAAAAAAAAAAAAAAAAAAAAIA/AAAAAAAAAAAAAAAAAACAPwAAAAAAAAAAAAAAAAAAgD8AAIA/AACAPwAAgD8=\n",
+       "format=\"binary\">\nIAAAAAAAAAAAAAAAAQAAAAIAAAADAAAAAQAAAAIAAAADAAAABAAAAA==\n",
+       "format=\"binary\">\nEAAAAAAAAAAEAAAAAAAAAAgAAAAAAAAA\n", "format=\"binary\">\nAgAAAAAAAAAKCg==\n"});
+}
+/// Compressed in blocks of 32 bytes, appended as base64.
+std::string compressed_vtu() {
+  return vtu("compressor=\"vtkZLibDataCompressor\"",
+             {"format=\"appended\" offset=\"0\">", "format=\"appended\" offset=\"72\">", "format=\"appended\" offset=\"128\">",
+              "format=\"appended\" offset=\"172\">"},
+             "<AppendedData encoding=\"base64\">\n_"
+             "AgAAACAAAAAcAAAAEAAAAA8AAAA=eJxjYEAGDfYMaHwADo4Bf3icY2BABg32yBgAFwAC/Q=="
+             "AQAAACAAAAAAAAAAFgAAAA==eJxjYGBgYARiJiBmRmOzADEAAPgAEQ=="
+             "AQAAACAAAAAQAAAADgAAAA==eJxjYYAADigNAACQAA0="
+             "AQAAACAAAAACAAAACgAAAA==eJzj4gIAACAAFQ=="
+             "\n</AppendedData>\n");
+}
+/// Bytes as they are, behind the length of each array.
+std::string raw_vtu() {
+  std::string bytes;
+  const auto append = [&](const auto&... numbers) {
+    const auto put = [&](const auto& number) { bytes.append(reinterpret_cast<const char*>(&number), sizeof number); };
+    put(std::uint32_t((sizeof numbers + ...)));
+    (put(numbers), ...);
+  };
+  append(0.f, 0.f, 0.f, 1.f, 0.f, 0.f, 0.f, 1.f, 0.f, 0.f, 0.f, 1.f, 1.f, 1.f, 1.f);
+  append(0, 1, 2, 3, 1, 2, 3, 4);
+  append(std::int64_t(4), std::int64_t(8));
+  append(std::uint8_t(10), std::uint8_t(10));
+  const auto at = [](int offset) { return "format=\"appended\" offset=\"" + std::to_string(offset) + "\">"; };
+  return vtu("byte_order=\"LittleEndian\"", {at(0), at(64), at(100), at(120)},
+             "<AppendedData encoding=\"raw\">_" + bytes + "</AppendedData>\n");
+}
+
 std::vector<Format> formats() {
   std::string dos = medit;
   for (std::size_t at = 0; (at = dos.find('\n', at)) != std::string::npos; at += 2) dos.replace(at, 1, "\r\n");
@@ -72,7 +122,11 @@ std::vector<Format> formats() {
           {"Medit after a byte order mark", {{"a.MESH", "\xef\xbb\xbf" + medit}}},
           {"VTK", {{"a.vtk", vtk}}},
           {"VTK of version 5", {{"a.vtk", vtk_of_version_5()}}},
-          {"binary VTK", {{"a.vtk", binary_vtk()}}}};
+          {"binary VTK", {{"a.vtk", binary_vtk()}}},
+          {"VTK's XML", {{"a.vtu", text_vtu()}}},
+          {"VTK's XML in base64", {{"a.vtu", base64_vtu()}}},
+          {"VTK's XML, compressed", {{"a.vtu", compressed_vtu()}}},
+          {"VTK's XML with raw bytes", {{"a.vtu", raw_vtu()}}}};
 }
 
 std::filesystem::path write(const TemporaryDirectory& directory, const Files& files) {
@@ -179,6 +233,22 @@ std::vector<Bad> bad_files() {
       {one("a.mesh", medit.substr(0, medit.find("Tetrahedra")) + "Tetrahedra 0\nEnd\n"), "a.mesh: there are no tetrahedra"},
       {one("a.mesh", std::string("\0\0\0\1\0\0\0\3", 8)), "a.mesh:1: not a text in UTF-8 (byte 0 is 0x00)"},
 
+      {one("a.vtu", "<VTKFile>"), "a.vtu:1: is no XML"},
+      {one("a.vtu", replaced(text_vtu(), "\"UnstructuredGrid\"", "\"PolyData\"")), "is of type \"PolyData\""},
+      {one("a.vtu", replaced(text_vtu(), "version=\"0.1\"", "byte_order=\"BigEndian\"")), "only LittleEndian is read"},
+      {one("a.vtu", replaced(compressed_vtu(), "vtkZLib", "vtkLZ4")), "is compressed by vtkLZ4DataCompressor"},
+      {one("a.vtu", replaced(text_vtu(), "4</DataArray>", "5</DataArray>")),
+       "a cell has corner 5; corners must be from 0 to 4"},
+      {one("a.vtu", replaced(text_vtu(), ">4 8", ">4 9")), "its offsets must rise to at most 8"},
+      {one("a.vtu", replaced(text_vtu(), "10\n10", "12\n10")), "cell 0 is of type 12"},
+      {one("a.vtu", replaced(text_vtu(), "\"offsets\"", "\"ends\"")), "a <Piece> has no \"offsets\" in its <Cells>"},
+      {one("a.vtu", replaced(text_vtu(), ">4 8", ">4 x")), "array \"offsets\" holds something that is not a number"},
+      {one("a.vtu", replaced(text_vtu(), " 1 1 1<", " 1 1<")), "has 14 coordinates for 5 points"},
+      {one("a.vtu", replaced(base64_vtu(), "binary", "hex")), "has the format \"hex\", must be ascii, binary or appended"},
+      {one("a.vtu", replaced(base64_vtu(), "PAAAAAAAAAA", "PBAAAAAAAAA")), "ends before its 4156 bytes"},
+      {one("a.vtu", replaced(base64_vtu(), "PAAAAAAAAAA", "P?AAAAAAAAA")), "is no base64"},
+      {one("a.vtu", replaced(compressed_vtu(), "=eJxjYEAG", "=eJxjYEAH")), "array \"\": block 0 cannot be unpacked"},
+      {one("a.vtu", replaced(raw_vtu(), "offset=\"120\"", "offset=\"4000\"")), "needs an offset inside of <AppendedData>"},
       {one("a.vtk", "<VTKFile>"), "a.vtk:1: a legacy VTK file must begin with '# vtk DataFile Version'"},
       {one("a.vtk", replaced(vtk, "UNSTRUCTURED_GRID", "POLYDATA")), "a.vtk:4: expected DATASET UNSTRUCTURED_GRID"},
       {one("a.vtk", replaced(vtk, "ASCII", "HEX")), "a.vtk:3: expected ASCII or BINARY"},
@@ -196,7 +266,7 @@ std::vector<Bad> bad_files() {
       {one("a.vtk", binary.substr(0, binary.find("\nCELLS") - 4)), "the file ends within 15 numbers, each a coordinate"},
       {one("a.vtk", replaced(binary, "POINTS 5", "POINTS 4000000000")), "the file ends within 12000000000 numbers"},
 
-      {one("a.vtu", ""), "a.vtu: not a file of tetrahedra; its name must end in .node or .ele (TetGen)"},
+      {one("a.msh", ""), "a.msh: not a file of tetrahedra; its name must end in .node or .ele (TetGen)"},
   };
 }
 
