@@ -2,10 +2,12 @@
 
 #include "common/error.hpp"
 #include "config/scene.hpp"
+#include "discretization/simulation.hpp"
 #include "mpm/material.hpp"
 
 #include <fmt/format.h>
 
+#include <algorithm>
 #include <cmath>
 #include <cstdio>
 #include <optional>
@@ -123,9 +125,13 @@ void print_summary(const Scene& scene, const Estimate& estimate) {
   const config::Simulation& simulation = scene.simulation;
   double particles = 0;
   for (const double count : estimate.particles) particles += count;
-  fmt::print("ok: {}D, {} precision, cells of {:g} m, {:g} s at {:g} frames/s, about {} particles in {} cells\n",
-             simulation.dimension, simulation.precision == config::Precision::single_precision ? "single" : "double",
-             simulation.cell_size, simulation.end_time, simulation.frame_rate, rounded(particles), rounded(estimate.cells));
+  if (estimate.cells > 0)
+    fmt::print("ok: {}D, {} precision, cells of {:g} m, {:g} s at {:g} frames/s, about {} particles in {} cells\n",
+               simulation.dimension, simulation.precision == config::Precision::single_precision ? "single" : "double",
+               simulation.cell_size, simulation.end_time, simulation.frame_rate, rounded(particles), rounded(estimate.cells));
+  else
+    fmt::print("ok: {}D, {:g} s at {:g} frames/s, {} tetrahedra\n", simulation.dimension, simulation.end_time,
+               simulation.frame_rate, rounded(particles));
   for (const Material& material : scene.materials)
     fmt::print("  material {}: {:g} kg/m^3, {}\n", material.name, material.density, laws_of(material));
   for (std::size_t i = 0; i < scene.bodies.size(); ++i)
@@ -140,10 +146,13 @@ void print_summary(const Scene& scene, const Estimate& estimate) {
     fmt::print("  handle {}{}\n", handle.name, handle.body.empty() ? "" : " of " + handle.body);
 }
 
+bool has_discretizations(const Scene& scene) {
+  return std::any_of(scene.materials.begin(), scene.materials.end(), [](const Material& m) { return bool(m.discretization); });
+}
+
 }  // namespace
 
-int validate_command(const std::filesystem::path& file, const std::vector<std::string>& sets,
-                     const plugins::Registry& registry) {
+int validate_command(const std::filesystem::path& file, const std::vector<std::string>& sets, plugins::Registry registry) {
   std::optional<Scene> scene;
   std::vector<std::string> warnings;
   Estimate estimated;
@@ -154,6 +163,8 @@ int validate_command(const std::filesystem::path& file, const std::vector<std::s
     estimated = estimate(*scene);
     const auto unsupported = mpm::unsupported(*scene, registry);
     estimated.errors.insert(estimated.errors.begin(), unsupported.begin(), unsupported.end());
+    // What a discretization takes and shows is known to its instance alone.
+    if (estimated.errors.empty() && has_discretizations(*scene)) discretization::simulate(*scene, registry);
   } catch (const InputError& error) {
     fmt::print(stderr, "{}\n", error.what());
     return 2;

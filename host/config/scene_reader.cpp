@@ -10,6 +10,7 @@
 #include <algorithm>
 #include <cmath>
 #include <fstream>
+#include <limits>
 #include <map>
 #include <sstream>
 
@@ -158,11 +159,13 @@ DamageSolver read_damage_solver(TableReader table) {
   return solver;
 }
 
-Simulation read_simulation(TableReader table) {
+/// `tetrahedra`: bodies may say what cells do not.
+Simulation read_simulation(TableReader table, bool tetrahedra) {
   Simulation simulation;
   ReadContext& context = table.context();
   if (const auto dimension = table.integer("dimension", 2, 3)) simulation.dimension = context.dimension = int(*dimension);
-  simulation.cell_size = table.required_number("cell_size", "m", Range::positive());
+  simulation.cell_size = context.cell_size = tetrahedra ? table.number("cell_size", "m", Range::positive()).value_or(0)
+                                                        : table.required_number("cell_size", "m", Range::positive());
   simulation.end_time = table.required_number("end_time", "s", Range::positive());
   simulation.frame_rate = table.number("frame_rate", "1/s", Range::positive()).value_or(simulation.frame_rate);
   read_time_step(table, simulation);
@@ -533,18 +536,50 @@ Output read_output(TableReader table, const Scene& scene) {
   return output;
 }
 
+/// Bodies of tetrahedra need no grid: lengths that go with its cells are then those of the shortest edges of a body.
+double cell_size_of_edges(TableReader& simulation, const std::vector<Body>& bodies) {
+  double shortest = std::numeric_limits<double>::infinity();
+  for (const Body& body : bodies) {
+    double edge = body.tetrahedra ? body.tetrahedra->edge_length : 0;
+    if (body.tetrahedra && body.tetrahedra->file) try {
+        edge = scene::measure(scene::build_tetrahedra(*body.tetrahedra, nullptr)).mean_edge;
+      } catch (const InputError& e) {
+        simulation.error(body.where, "body '" + body.name + "': " + e.what());
+        return 0;
+      }
+    if (!(edge > 0)) {
+      simulation.require("cell_size", "a number (m); only scenes whose bodies all have tetrahedra may leave it out");
+      return 0;
+    }
+    shortest = std::min(shortest, edge);
+  }
+  return shortest;
+}
+
+bool some_body_has_tetrahedra(TableReader& root) {
+  const toml::node* bodies = root.find("body");
+  const toml::array* list = bodies ? bodies->as_array() : nullptr;
+  return list && std::any_of(list->begin(), list->end(),
+                             [](const toml::node& body) { return body.is_table() && body.as_table()->contains("tetrahedra"); });
+}
+
 Scene read_scene(TableReader root) {
   Scene scene;
   Names materials("material"), bodies("body"), colliders("collider"), handles("handle");
   std::vector<ReadMaterial> read_materials;
+  const bool tetrahedra = some_body_has_tetrahedra(root);
+  std::optional<TableReader> simulation;
   if (root.require("simulation", "a table with at least 'cell_size' and 'end_time'"))
-    if (auto simulation = root.table("simulation", "[simulation]")) scene.simulation = read_simulation(std::move(*simulation));
+    if (simulation = root.table("simulation", "[simulation]"); simulation)
+      scene.simulation = read_simulation(*simulation, tetrahedra);
   if (root.require("material", "at least one [[material]]"))
     for (TableReader& table : root.tables("material", "[[material]]"))
       read_materials.push_back(read_material(std::move(table), materials));
   if (root.require("body", "at least one [[body]]"))
     for (TableReader& table : root.tables("body", "[[body]]"))
       scene.bodies.push_back(read_body(std::move(table), bodies, materials, read_materials));
+  if (simulation && tetrahedra && !simulation->has("cell_size"))
+    scene.simulation.cell_size = cell_size_of_edges(*simulation, scene.bodies);
   for (ReadMaterial& read : read_materials) {
     check_material(read, scene.bodies, scene.simulation.precision, root.context());
     scene.materials.push_back(std::move(read.material));

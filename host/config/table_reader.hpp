@@ -22,6 +22,7 @@ struct ReadContext {
   std::string file;                 ///< as the user named it
   std::filesystem::path directory;  ///< of the scene file, absolute
   int dimension = 3;
+  double cell_size = 0;  ///< m, 0: the scene gives none
 };
 
 /// Values from the command line are located by their option: "--set simulation.cell_size".

@@ -198,14 +198,77 @@ TEST_F(Tetrahedra, HaveMeshesOnlyWhereThereAreSurfaces) {
     EXPECT_EQ(outcome.status, 2);
     EXPECT_NE(outcome.err.find(reason), std::string::npos) << outcome.err;
   };
-  refused(scene(material("dust", dust) + block("cloud", "dust")) + "meshes = [\"ply\"]\n", "run",
-          "output.meshes: no body of the scene has a surface that \"ply\" could be written of");
+  for (const char* command : {"run", "validate"})
+    refused(scene(material("dust", dust) + block("cloud", "dust")) + "meshes = [\"ply\"]\n", command,
+            "output.meshes: no body of the scene has a surface that \"ply\" could be written of");
   refused(scene(material("rubber", rubber) + block("cushion", "rubber")) + "meshes = [\"ply\"]\n", "validate",
           "'meshes' has no effect");
   refused(scene(jelly() + cube()) + "meshes = [\"stl\"]\n", "validate", "unknown name \"stl\" in 'meshes'");
   run(scene(jelly() + cube() + material("rubber", rubber) + block("cushion", "rubber")), "both", "--frames 1");
   const Mesh mesh = frame_mesh(1, "both");
   EXPECT_EQ(mesh.vertices.at("body").front(), 1) << "the bodies of the material point method come first";
+}
+
+TEST_F(Tetrahedra, AreCheckedForTheFieldsThatFramesAreToHold) {
+  write("scene.toml", scene(jelly() + cube()) + "attributes = [\"veloctiy\"]\n");
+  for (const char* command : {"run scene.toml", "validate scene.toml"}) {
+    const Outcome outcome = with_plugins(command);
+    EXPECT_EQ(outcome.status, 2) << command;
+    EXPECT_NE(outcome.err.find("output.attributes: no body of the scene has \"veloctiy\""), std::string::npos) << outcome.err;
+  }
+}
+
+TEST_F(Tetrahedra, NeedNoCells) {
+  const std::string start = "[simulation]\nend_time = 0.2\nframe_rate = 10\n", output = "[output]\nformats = [\"ply\"]\n";
+  run(start + jelly() + cube() + output, "run", "--frames 1");
+  EXPECT_NE(contents(directory / "run/scene.toml").find("cell_size = 0.2 "), std::string::npos) << "the edges of the body";
+  const Outcome valid = with_plugins("validate scene.toml");
+  EXPECT_EQ(valid.status, 0) << valid.err;
+  EXPECT_EQ(valid.out.find("cells"), std::string::npos) << valid.out;
+  // of a size, on the other hand, edges can be
+  run(scene(jelly() + cube()), "given", "--frames 1 --set body.0.tetrahedra={}");
+  EXPECT_EQ(frame_mesh(0, "given").triangles, frame_mesh(0).triangles);
+  write("scene.toml", start + jelly() + cube() + material("dust", dust) + block("cloud", "dust"));
+  const Outcome refused = with_plugins("validate scene.toml");
+  EXPECT_EQ(refused.status, 2);
+  EXPECT_NE(
+      refused.err.find("scene.toml:1:1: error: [simulation] needs 'cell_size', a number (m); only scenes whose bodies all "
+                       "have tetrahedra may leave it out"),
+      std::string::npos)
+      << refused.err;
+}
+
+TEST_F(Tetrahedra, AreReadBackFromTheFilesThatAreWritten) {
+  run(scene(jelly() + cube()) + "meshes = [\"ply\", \"vtu\"]\n", "run", "--frames 1");
+  fs::copy(directory / "run/meshes/frame_0000.vtu", directory / "cube.vtu");
+  run("[simulation]\nend_time = 0.1\nframe_rate = 10\n" + jelly() +
+          "[[body]]\nname = \"cube\"\nmaterial = \"jelly\"\ntetrahedra = { file = \"cube.vtu\" }\n" +
+          "[output]\nformats = [\"ply\"]\n",
+      "again");
+  const Mesh written = frame_mesh(0), read = frame_mesh(0, "again");
+  EXPECT_EQ(read.triangles, written.triangles);
+  for (const char* axis : {"x", "y", "z"}) EXPECT_EQ(read.vertices.at(axis), written.vertices.at(axis));
+}
+
+TEST_F(Tetrahedra, LeaveTheBatchThatTheirLawFailsOn) {
+  write("scene.toml",
+        scene(material("rubber", rubber + "\ndiscretization = { plugin = \"fem\" }") + material("jelly", rubber) +
+              "[[body]]\nname = \"points\"\nmaterial = \"jelly\"\nsampling = \"regular\"\n"
+              "shape = { type = \"box\", center = [3, 0, 0], size = [0.4, 0.4, 0.4] }\n"
+              "[[body]]\nname = \"cube\"\nmaterial = \"rubber\"\ntetrahedra = {}\n"
+              "shape = { type = \"box\", center = [0, 0, 0], size = [0.4, 0.4, 0.4] }\n"
+              "[[handle]]\nbody = \"cube\"\nregion = { type = \"box\", center = [0.2, 0, 0], size = [0.01, 1, 1] }\n"
+              "motion = { velocity = [-1e6, 0, 0] }\n"));
+  const Outcome run = with_plugins("run scene.toml --quiet --out run");
+  EXPECT_EQ(run.status, 3) << run.err;
+  EXPECT_NE(run.err.find("where elasticity/split-neo-hookean is not defined"), std::string::npos) << run.err;
+  ASSERT_TRUE(fs::exists(directory / "run/failed_batch.json")) << run.err;
+  const auto batch = json(directory / "run/failed_batch.json");
+  EXPECT_EQ(batch.get<std::string>("failed"), "elasticity/split-neo-hookean");
+  EXPECT_EQ(batch.get<std::string>("material"), "rubber");
+  EXPECT_GE(batch.get_child("particles").front().second.get_value<int>(), 64) << "of the scene, in which others come first";
+  const Outcome again = with_plugins("point --replay run/failed_batch.json --output again.csv");
+  EXPECT_NE(again.err.find("those of the run, to the bit"), std::string::npos) << again.err;
 }
 
 }  // namespace
