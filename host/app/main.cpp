@@ -7,6 +7,7 @@
 #include "app/report_command.hpp"
 #include "app/run_command.hpp"
 #include "app/study_command.hpp"
+#include "app/trust_options.hpp"
 #include "app/validate_command.hpp"
 #include "common/error.hpp"
 #include "plugins/isa.hpp"
@@ -18,6 +19,7 @@
 
 #include <cstdio>
 #include <exception>
+#include <new>
 
 int main(int argc, char** argv) {
   using namespace cleave;
@@ -128,6 +130,9 @@ int main(int argc, char** argv) {
     command->add_option_function<std::string>("--isa", plugins::force_isa,
                                               "Instruction set of kernels and plugins: x86-64-v2, x86-64-v3 or x86-64-v4 "
                                               "(default: the best one that CLEAVE_ISA or the processor allows)");
+  for (CLI::App* command :
+       {&cli, run_cli, validate_cli, plugins_cli, point_cli, bench_cli, kernels_cli, steps_cli, check_cli, study_cli})
+    app::add_trust_options(*command);
 
   try {
     cli.parse(argc, argv);
@@ -142,6 +147,10 @@ int main(int argc, char** argv) {
     std::fflush(stdout);
     fmt::print(stderr, "error: {}\n", e.what());
     return 3;
+  } catch (const std::bad_alloc&) {
+    std::fflush(stdout);
+    fmt::print(stderr, "error: there is not enough memory; use larger cells or smaller bodies, or a machine with more\n");
+    return 2;
   } catch (const std::exception& e) {
     std::fflush(stdout);
     fmt::print(stderr, "error: {}\n", e.what());

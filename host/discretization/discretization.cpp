@@ -430,7 +430,9 @@ std::vector<std::pair<std::string, double>> Discretization::bytes_per_particle()
 std::vector<output::PluginRecord> Discretization::plugins() const {
   std::vector<output::PluginRecord> used;
   for (const auto* law : {&elasticity_, &instance_})
-    if (*law) used.push_back({law->description().id, law->description().version, law->plugin().path().string()});
+    if (*law)
+      used.push_back(
+          {law->description().id, law->description().version, law->plugin().path().string(), law->plugin().sha256()});
   return used;
 }
 

@@ -126,7 +126,7 @@ class MpmSimulation final : public Simulation {
       for (const auto* law : {&m->elasticity(), &m->plasticity(), &m->damage(), &m->constraint()})
         if (*law) {
           const auto& d = law->description();
-          used[d.id] = {d.id, d.version, law->plugin().path().string()};
+          used[d.id] = {d.id, d.version, law->plugin().path().string(), law->plugin().sha256()};
         }
     std::vector<output::PluginRecord> r;
     for (auto& [id, record] : used) r.push_back(record);

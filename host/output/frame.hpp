@@ -101,6 +101,7 @@ struct FrameRecord {
 
 struct PluginRecord {
   std::string id, version, path;
+  std::string sha256;  ///< of the file, in hexadecimal digits
 };
 
 /// Contents of summary.json.

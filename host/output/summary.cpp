@@ -69,7 +69,8 @@ std::string json(const std::vector<PluginRecord>& plugins) {
   std::string result;
   for (const PluginRecord& plugin : plugins)
     result += (result.empty() ? "\n    {" : ",\n    {") + ("\"id\": " + json(plugin.id)) +
-              ", \"version\": " + json(plugin.version) + ", \"path\": " + json(plugin.path) + "}";
+              ", \"version\": " + json(plugin.version) + ", \"path\": " + json(plugin.path) +
+              ", \"sha256\": " + json(plugin.sha256) + "}";
   return result.empty() ? "[]" : "[" + result + "\n  ]";
 }
 

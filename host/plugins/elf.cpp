@@ -29,8 +29,9 @@ bool read_at(std::ifstream& file, std::uint64_t offset, void* destination, std::
 std::optional<std::string> problem_with_library_file(const std::filesystem::path& path) {
   std::error_code error;
   const std::uint64_t size = std::filesystem::file_size(path, error);
+  if (error || !std::filesystem::is_regular_file(path, error)) return "cannot be read";  // a pipe would not end
   std::ifstream file(path, std::ios::binary);
-  if (error || !file) return "cannot be read";
+  if (!file) return "cannot be read";
 
   unsigned char ident[EI_NIDENT] = {};
   if (!read_at(file, 0, ident, sizeof ident) || std::memcmp(ident, ELFMAG, SELFMAG) != 0) return "is not a shared library";

@@ -1,6 +1,8 @@
 #include "plugins/library.hpp"
 
+#include "common/error.hpp"
 #include "plugins/elf.hpp"
+#include "plugins/trust.hpp"
 
 #include <boost/dll/shared_library.hpp>
 
@@ -27,6 +29,10 @@ boost::dll::shared_library open(const std::filesystem::path& path) {
   return library;
 }
 
+std::string digest(const std::filesystem::path& path) try { return sha256_of_file(path); } catch (const InputError&) {
+  throw Refusal("cannot be read");
+}
+
 const cleave_plugin* negotiate(const boost::dll::shared_library& library) {
   if (!library.has(CLEAVE_ENTRY_SYMBOL)) throw Refusal("is not a Cleave plugin: it exports no " CLEAVE_ENTRY_SYMBOL);
   const cleave_plugin* plugin = nullptr;
@@ -45,16 +51,18 @@ const cleave_plugin* negotiate(const boost::dll::shared_library& library) {
 class Library final : public Plugin {
  public:
   explicit Library(const std::filesystem::path& path)
-      : path_(path), library_(open(path)), table_(negotiate(library_)), description_(describe(*table_)) {
+      : path_(path), sha256_(digest(path)), library_(open(path)), table_(negotiate(library_)), description_(describe(*table_)) {
     kind_table_ = table_->kind(kind_id(description_.kind));
   }
   const Description& description() const override { return description_; }
   const std::filesystem::path& path() const override { return path_; }
+  const std::string& sha256() const override { return sha256_; }
   const cleave_plugin& table() const override { return *table_; }
   const void* kind_table() const override { return kind_table_; }
 
  private:
   std::filesystem::path path_;
+  std::string sha256_;
   boost::dll::shared_library library_;
   const cleave_plugin* table_;
   Description description_;

@@ -1,14 +1,19 @@
 #include "plugins/manifest.hpp"
 
+#include "common/nesting.hpp"
 #include "plugins/description.hpp"
 
 #include <toml++/toml.h>
 
 #include <algorithm>
+#include <fstream>
 #include <iterator>
+#include <sstream>
 
 namespace cleave::plugins {
 namespace {
+
+constexpr std::uintmax_t largest_manifest = 1 << 20;
 
 /// Ends the reading of a manifest that is not what cleave-manifest writes.
 struct Malformed {};
@@ -170,8 +175,13 @@ std::optional<Description> read_manifest(const std::filesystem::path& library) {
   if (!std::filesystem::is_regular_file(path, error)) return std::nullopt;
   const auto size = std::filesystem::file_size(library, error);
   if (error) return std::nullopt;
+  if (std::filesystem::file_size(path, error) > largest_manifest || error) return std::nullopt;
+  std::ifstream file(path, std::ios::binary);
+  std::ostringstream text;
+  text << file.rdbuf();
+  if (!file || line_nested_too_deep(text.view()) > 0) return std::nullopt;
   try {
-    const toml::table table = toml::parse_file(path.string());
+    const toml::table table = toml::parse(text.view(), path.string());
     if (get<std::int64_t>(table, "library_bytes") != std::int64_t(size)) return std::nullopt;
     const auto abi = list<std::uint32_t>(table, "abi");
     if (abi.size() == 2) check_abi({abi[0], abi[1]});

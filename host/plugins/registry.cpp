@@ -5,6 +5,7 @@
 #include "plugins/isa.hpp"
 #include "plugins/library.hpp"
 #include "plugins/manifest.hpp"
+#include "plugins/trust.hpp"
 
 #include <spdlog/spdlog.h>
 
@@ -26,13 +27,29 @@ std::vector<fs::path> libraries_in(const fs::path& directory) {
   return libraries;
 }
 
-Found inspect(const fs::path& path) {
+/// Opens a library of the search path, in a child process before if the user wants that. Throws Refusal.
+std::shared_ptr<const Plugin> open_listed(const fs::path& path, const std::vector<fs::path>& search_path) {
+  if (const auto problem = problem_with_place(path, search_path)) throw Refusal(*problem);
+  if (plugins_are_isolated())
+    if (const auto problem = problem_in_child(path)) throw Refusal(*problem);
+  return open_library(path);
+}
+
+/// Its code is about to run as the user's.
+void warn_of_writers(const fs::path& library) {
+  for (const auto& path : world_writable(library))
+    spdlog::warn("{}: any user can change {}, and with it what this program does; chmod o-w {}", library.string(),
+                 path == library ? "this plugin" : path.string(), path.string());
+}
+
+Found inspect(const fs::path& path, const std::vector<fs::path>& search_path) {
   Found found;
   found.path = path;
   try {
+    if (const auto problem = problem_with_place(path, search_path)) throw Refusal(*problem);
     found.description = read_manifest(path);
     found.from_manifest = found.description.has_value();
-    if (!found.description) found.description = open_library(path)->description();
+    if (!found.description) found.description = open_listed(path, search_path)->description();
   } catch (const Refusal& refusal) {
     found.description.reset();
     found.refusal = refusal.what();
@@ -47,14 +64,15 @@ bool says_what_was_found(Description loaded, const Description& found) {
 }
 
 /// The build of a library for this processor, if there is one beside it that is the same plugin; else the library itself.
-std::shared_ptr<const Plugin> best_variant(const std::shared_ptr<const Plugin>& anchor) {
+std::shared_ptr<const Plugin> best_variant(const std::shared_ptr<const Plugin>& anchor,
+                                           const std::vector<fs::path>& search_path) {
   const fs::path& path = anchor->path();
   for (const auto& directory : preferred_isa_directories()) {
     const fs::path candidate = path.parent_path() / directory / path.filename();
     std::error_code error;
     if (!fs::exists(candidate, error)) continue;
     try {
-      auto variant = open_library(candidate);
+      auto variant = open_listed(candidate, search_path);
       if (variant->description() == anchor->description()) return variant;
       spdlog::warn("{}: describes another build than {}, which is used instead", candidate.string(), path.string());
     } catch (const Refusal& refusal) {
@@ -89,7 +107,7 @@ Registry::Registry(std::vector<fs::path> search_path) : search_path_(std::move(s
     const fs::path place = fs::weakly_canonical(directory, error);
     if (!seen.insert(error ? directory : place).second) continue;
     for (const auto& library : libraries_in(directory)) {
-      Found found = inspect(library);
+      Found found = inspect(library, search_path_);
       if (found.refusal.empty())
         for (const auto& other : found_)
           if (other.refusal.empty() && other.description->id == found.description->id)
@@ -123,14 +141,15 @@ std::shared_ptr<const Plugin> Registry::load(std::string_view id) {
       std::find_if(found_.begin(), found_.end(), [&](const Found& f) { return f.refusal.empty() && f.description->id == id; });
   if (usable == found_.end()) throw InputError(unknown_id(id));
   try {
-    auto anchor = open_library(usable->path);
+    auto anchor = open_listed(usable->path, search_path_);
     if (!says_what_was_found(anchor->description(), *usable->description))
       throw Refusal("is not what it was when it was found" +
                     std::string(usable->from_manifest
                                     ? ": its manifest " + manifest_path(usable->path).filename().string() +
                                           " describes another build; rebuild the plugin or delete the manifest"
                                     : ""));
-    auto plugin = best_variant(anchor);
+    auto plugin = best_variant(anchor, search_path_);
+    warn_of_writers(plugin->path());
     loaded_.insert_or_assign(std::string(id), plugin);
     return plugin;
   } catch (const Refusal& refusal) {

@@ -23,6 +23,7 @@ class Plugin {
   virtual ~Plugin() = default;
   virtual const Description& description() const = 0;
   virtual const std::filesystem::path& path() const = 0;  ///< of the file that was loaded (an ISA variant, perhaps)
+  virtual const std::string& sha256() const = 0;          ///< of that file, in hexadecimal digits
   virtual const cleave_plugin& table() const = 0;
   /// Table of the plugin's kind (cleave_elasticity, ...), never null.
   virtual const void* kind_table() const = 0;
@@ -86,6 +87,7 @@ struct Found {
 /// Search path, first match of an ID wins: CLEAVE_PLUGIN_PATH (colon-separated directories), then the directory
 /// lib/cleave/plugins beside the program's bin directory (install and build tree alike). A second library with an ID that is
 /// already there is refused as a duplicate. Scanning reads manifests; only libraries without a fresh manifest are opened.
+/// Nothing is opened that lies elsewhere, not even through a link in one of the directories.
 class Registry {
  public:
   /// Scans the given directories; default_search_path() for what the program uses.
