@@ -1,6 +1,7 @@
 #include "checkpoint/scene_changes.hpp"
 
 #include "common/error.hpp"
+#include "common/nesting.hpp"
 
 #include <fmt/format.h>
 #include <toml++/toml.h>
@@ -33,6 +34,7 @@ void for_values(const std::string& key, const toml::node& node, const F& each) {
 }
 
 toml::table parsed(const std::string& scene) {
+  if (line_nested_too_deep(scene)) throw InputError("the scene that is resumed cannot be read: it is nested too deep");
   try {
     return toml::parse(scene);
   } catch (const toml::parse_error& e) {

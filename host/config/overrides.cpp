@@ -1,6 +1,7 @@
 #include "config/overrides.hpp"
 
 #include "common/error.hpp"
+#include "common/nesting.hpp"
 
 #include <algorithm>
 #include <charconv>
@@ -88,6 +89,9 @@ Override parse_override(const std::string& text) {
   if (equals == std::string::npos || !complete)
     throw InputError(std::string(override_prefix) + text +
                      ": error: expected path=value, for example simulation.cell_size=0.01");
+  if (parts.size() > deepest_toml || line_nested_too_deep(text.substr(equals + 1)))
+    throw InputError(std::string(override_prefix) + text.substr(0, 40) + "...: error: nested deeper than " +
+                     std::to_string(deepest_toml) + " tables");
   return {path, text.substr(equals + 1)};
 }
 

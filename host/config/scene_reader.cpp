@@ -1,18 +1,21 @@
 #include "config/catalog.hpp"
 
 #include "common/error.hpp"
+#include "common/nesting.hpp"
 #include "config/field_reader.hpp"
 #include "config/geometry_reader.hpp"
 #include "config/law_reader.hpp"
 #include "config/overrides.hpp"
 #include "config/tetrahedra_reader.hpp"
 
+#include <spdlog/fmt/fmt.h>
+
 #include <algorithm>
 #include <cmath>
 #include <fstream>
 #include <limits>
 #include <map>
-#include <sstream>
+#include <vector>
 
 namespace cleave::config {
 namespace {
@@ -26,14 +29,21 @@ std::string read_text(const std::filesystem::path& path) {
   const auto kind = std::filesystem::status(path, status).type();
   if (kind == std::filesystem::file_type::not_found) throw InputError(name + ": error: there is no such file");
   if (kind == std::filesystem::file_type::directory) throw InputError(name + ": error: is a directory, not a scene file");
+  const auto too_large = [&] {
+    return InputError(name + ": error: the file is larger than 64 MiB, which no scene needs; put particles into a CSV file");
+  };
   const auto size = std::filesystem::file_size(path, status);
-  if (!status && size > largest_file)
-    throw InputError(name + ": error: the file is larger than 64 MiB, which no scene needs; put particles into a CSV file");
+  if (!status && size > largest_file) throw too_large();
   std::ifstream file(path, std::ios::binary);
-  std::ostringstream text;
-  text << file.rdbuf();
   if (!file) throw InputError(name + ": error: the file cannot be read");
-  return text.str();
+  std::string text;
+  std::vector<char> piece(1 << 16);
+  while (file.read(piece.data(), std::streamsize(piece.size())), file.gcount() > 0) {
+    text.append(piece.data(), std::size_t(file.gcount()));
+    if (text.size() > largest_file) throw too_large();  // of a pipe or a device
+  }
+  if (!file.eof()) throw InputError(name + ": error: the file cannot be read");
+  return text;
 }
 
 /// "Error while parsing string: what" as "what (in a string)".
@@ -46,6 +56,8 @@ std::string syntax_problem(std::string_view description) {
 }
 
 toml::table parse(const std::string& text, const std::string& file) {
+  if (const int line = line_nested_too_deep(text))
+    throw InputError(fmt::format("{}:{}: error: values are nested deeper than {} tables", file, line, deepest_toml));
   try {
     return toml::parse(text, file);
   } catch (const toml::parse_error& problem) {

@@ -1,6 +1,7 @@
 #include "scene/sampling.hpp"
 
 #include "common/error.hpp"
+#include "common/memory.hpp"
 #include "scene/blue_noise.hpp"
 #include "scene/random.hpp"
 
@@ -23,6 +24,7 @@ struct JitteredPattern {
   double jitter;  ///< 0: regular
   std::uint64_t seed;
 
+  double points_per_cube() const { return 1; }
   template <class Emit>
   void points_in(const Lattice& cube, const Emit& emit) const {
     Vector3 x = Vector3::Zero();
@@ -39,6 +41,8 @@ struct JitteredPattern {
 struct BlueNoisePattern {
   const BlueNoiseTile& tile;
   double edge;
+
+  double points_per_cube() const { return double(tile.points.size()) / double(tile.cell_begins.size() - 1); }
 
   template <class Emit>
   void points_in(const Lattice& cell, const Emit& emit) const {
@@ -120,7 +124,31 @@ class Filling {
     greatest_ = greatest;
     int level = block_level;
     while (std::int64_t{1} << level < widest) ++level;
+    check_memory(pattern_.points_per_cube() * cubes_in(least, level));
     find_blocks_in(least, level, false);
+  }
+
+  /// Lattice cubes of the shape, blocks that its surface crosses counted as half full.
+  double cubes_in(const Lattice& lowest, int level) const {
+    if ((lowest.array() > greatest_.array()).any()) return 0;
+    const Side side = side_of(lowest, level);
+    const double all = std::pow(2.0, dimension_ * level);
+    if (side == Side::outside) return 0;
+    if (side == Side::inside) return all;
+    if (level == block_level) return all / 2;
+    double cubes = 0;
+    for_each_child(lowest, level, [&](const Lattice& child) { cubes += cubes_in(child, level - 1); });
+    return cubes;
+  }
+
+  static void check_memory(double particles) {
+    constexpr double bytes_per_particle = 150;  // as sampled, and as the leanest material stores it
+    const double memory = available_memory();
+    if (particles * bytes_per_particle > memory)
+      throw InputError(
+          fmt::format("about {:.3g} particles take at least {:.3g} GB, {:.3g} GB of memory are available; use "
+                      "larger cells or fewer particles per cell",
+                      particles, 1e-9 * particles * bytes_per_particle, 1e-9 * memory));
   }
 
   void find_blocks_in(const Lattice& lowest, int level, bool full) {

@@ -1,4 +1,5 @@
 #include "common/error.hpp"
+#include "common/nesting.hpp"
 #include "config/table_reader.hpp"
 #include "output/number.hpp"
 #include "study/expression.hpp"
@@ -22,6 +23,8 @@ using config::Range;
 using config::ReadContext;
 using config::TableReader;
 
+constexpr std::uintmax_t largest_file = 64u << 20;
+
 std::string quoted(const std::string& text) {
   std::string out = "\"";
   for (const char c : text) {
@@ -32,6 +35,13 @@ std::string quoted(const std::string& text) {
       out += c;
   }
   return out + '"';
+}
+
+/// The word of a command line that is no TOML: a text.
+toml::table text_value(const std::string& text, const std::string& option) try {
+  return toml::parse("value = " + quoted(text), option);
+} catch (const toml::parse_error& problem) {
+  throw InputError(option + ": error: the value is no text that a scene may hold: " + std::string(problem.description()));
 }
 
 /// A value on one line, as --set takes it.
@@ -250,7 +260,7 @@ Axis read_axis(TableReader table, const std::vector<std::pair<std::string, std::
     try {
       parsed.push_back(toml::parse("value = " + text, option));
     } catch (const toml::parse_error&) {
-      parsed.push_back(toml::parse("value = " + quoted(text), option));
+      parsed.push_back(text_value(text, option));
     }
   }
   for (const toml::table& added_value : parsed) nodes.push_back(added_value.get("value"));
@@ -570,12 +580,17 @@ Study load_study(const std::filesystem::path& file, const std::vector<std::strin
   const std::string name = file.string();
   std::error_code status;
   if (!std::filesystem::is_regular_file(file, status)) throw InputError(name + ": error: there is no such study file");
+  if (std::filesystem::file_size(file, status) > largest_file)
+    throw InputError(name + ": error: the file is larger than 64 MiB, which no study needs");
   std::ifstream in(file, std::ios::binary);
   std::ostringstream text;
   text << in.rdbuf();
+  if (!in) throw InputError(name + ": error: the file cannot be read");
   toml::table root;
+  if (const int line = line_nested_too_deep(text.view()))
+    throw InputError(fmt::format("{}:{}: error: values are nested deeper than {} tables", name, line, deepest_toml));
   try {
-    root = toml::parse(text.str(), name);
+    root = toml::parse(text.view(), name);
   } catch (const toml::parse_error& problem) {
     throw InputError(config::error_at(config::locate(problem.source())) + "not TOML: " + std::string(problem.description()));
   }
