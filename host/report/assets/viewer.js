@@ -162,6 +162,10 @@
   canvas.addEventListener("dblclick", () => { home(); redraw(); });
   window.addEventListener("resize", redraw);
 
+  // where nothing is damaged there is more to see of how it moves
+  if (points.attributes[0].name === "damage" && !table.maximum_damage.some(d => d > 0))
+    shown = points.attributes.findIndex(a => a.name === "speed");
+  select.value = shown;
   current = frames.length - 1;
   legend();
   load();

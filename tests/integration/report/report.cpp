@@ -159,7 +159,7 @@ TEST_F(Report, IsOfARunThatGoesOnToo) {
 }
 
 TEST_F(Report, IsOfDiscretizedBodiesAndOfRunsWithoutFrames) {
-  const Outcome run = cleave("run '" CLEAVE_SOURCE_DIR "/configs/scenes/fem_bar_swing.toml' --out fem --frames 1 --quiet");
+  const Outcome run = cleave("run '" CLEAVE_SOURCE_DIR "/configs/scenes/fem_bar_swing.toml' --out fem --steps 20 --quiet");
   ASSERT_EQ(run.status, 0) << run.err;
   EXPECT_GT(report("fem", "fem/report.html")["points"]["shown"], 100);
   write("scene.toml", block);
