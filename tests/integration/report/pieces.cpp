@@ -14,7 +14,7 @@ TEST_F(PiecesOfARun, AreCountedAndKeepTheirNumbersWhenItIsResumed) {
   EXPECT_EQ(counts.front(), 1);
   EXPECT_EQ(counts.back(), 2) << "of the heart there are two halves";
   EXPECT_EQ(frames.count("debris"), 1u);
-  ASSERT_EQ(cleave(heart("--out parts --steps 350")).status, 0);
+  ASSERT_EQ(cleave(heart("--out parts --steps 450")).status, 0);
   ASSERT_LT(table(directory / "parts/frames.csv").at("frame").size(), frames.at("frame").size());
   const Outcome resumed = cleave("run parts --resume --quiet --threads 2");
   ASSERT_EQ(resumed.status, 0) << resumed.err;
