@@ -66,6 +66,8 @@ void add(output::FrameRecord& all, const output::FrameRecord& part, std::int64_t
   all.center_of_mass = mean(all.center_of_mass, all.mass, part.center_of_mass, part.mass);
   all.damaged_fraction = mean(all.damaged_fraction, all.rest_volume, part.damaged_fraction, part.rest_volume);
   of_particles(all.damage_active, part.damage_active);
+  of_particles(all.under_sampled, part.under_sampled);
+  all.halved_steps += part.halved_steps;
   for (const auto sum :
        {&output::FrameRecord::kinetic_energy, &output::FrameRecord::elastic_energy, &output::FrameRecord::gravity_energy,
         &output::FrameRecord::mass, &output::FrameRecord::volume, &output::FrameRecord::rest_volume})

@@ -13,7 +13,9 @@
 #include "mpm/material.hpp"
 #include "mpm/particle_blocks.hpp"
 #include "mpm/particles.hpp"
+#include "mpm/sampling_gaps.hpp"
 #include "mpm/time_step.hpp"
+#include "mpm/velocity_jumps.hpp"
 
 #include <fmt/format.h>
 #include <fmt/ranges.h>
@@ -46,12 +48,18 @@ enum Stage {
 constexpr const char* stage_names[stage_count] = {"sort",           "damage",     "particles to grid", "grid update",
                                                   "implicit solve", "constraint", "grid to particles", "step bounds"};
 
-/// Elastic waves are measured every this many steps: they change by fractions of a percent from step to step, and the CFL
-/// number leaves a factor of two.
+/// Elastic waves are measured every this many steps, or once particles may have been strained by so much since: they change by
+/// fractions of a percent from step to step, and the CFL number leaves a factor of two.
 constexpr int wave_interval = 8;
+constexpr double wave_strain = 0.5;
 
-/// An implicit step that is not solved for is taken in halves, down to this power of one half.
+/// A step that is too large, or an implicit one that is not solved for, is taken in halves, down to this power of one half.
 constexpr int most_halvings = 5;
+/// With entries of the strain of a step up to this one no neighbourhood loses three quarters of its volume, det(I + A) >=
+/// (1 - 3 max|A_ij|)^3 > 1/4, and none is turned inside out.
+constexpr double harmless_strain = 0.12;
+/// A step of automatic size that leaves a neighbourhood less of its volume is too large.
+constexpr double least_volume_ratio = 0.25;
 
 /// Explicit damage whose steps are so many times smaller than those of elasticity is refused.
 constexpr double explicit_damage_limit = 1000;
@@ -91,8 +99,9 @@ class MpmSimulation final : public Simulation {
         for (int a = 0; a < D; a++)
           maximum_speed_ = std::max(maximum_speed_, std::abs(double(s->value(s->layout().velocity, a, slot))));
       });
-    if (!scene.simulation.time_step && scene.simulation.integrator != config::Integrator::implicit) measure_waves();
+    if (scene.simulation.integrator != config::Integrator::implicit) measure_waves();
     check_damage_step();
+    check_fixed_step();
   }
 
   Bound largest_step() override;
@@ -149,7 +158,7 @@ class MpmSimulation final : public Simulation {
   static void list(Self& self, Archive& archive) {
     archive(self.maximum_speed_, self.wave_step_, self.waves_at_, self.needs_sort_, self.choice_, self.symplectic_step_,
             self.implicit_solves_, self.newton_iterations_, self.linear_iterations_, self.integrators_, self.warned_unreliable_,
-            self.warned_damage_);
+            self.warned_damage_, self.strained_, self.halved_steps_, self.warned_halved_);
   }
 
   /// Damage of F_n first, then forces with it, then momentum and strain.
@@ -161,17 +170,19 @@ class MpmSimulation final : public Simulation {
     drive_damage(dt);
     const int passes = any_evolution_ ? scene_.simulation.damage.passes : 1;
     std::vector<Buffer> start;
-    if (passes > 1) keep(start);
+    if (passes > 1) keep(start, true);
     for (int pass = 0; pass < passes; pass++) {
       if (pass > 0) {  // driving forces of the strain this step has come to, on the state it started from
         drive_damage(dt);
-        restore(start);
+        restore(start, true);
       }
       evolve_damage(dt);
+      const bool trial = pass + 1 < passes;
+      const int halvings = passes == 1 ? most_halvings : 0;
       if (implicit)
-        move_implicitly(time_, dt, pass + 1 < passes, passes == 1 ? most_halvings : 0);
+        move_implicitly(time_, dt, trial, halvings);
       else
-        move(dt, pass + 1 < passes);
+        move(time_, dt, trial, halvings);
     }
     integrators_[implicit ? "implicit" : "symplectic"]++;
     if (implicit)
@@ -180,12 +191,48 @@ class MpmSimulation final : public Simulation {
       choice_.took_symplectic_step();
   }
 
-  void move(double dt, bool trial) {
-    StepView view = step_view(time_, dt);
+  /// Symplectically, in two halves where that turns out too large. What may turn out so is told from the grid: then, and only
+  /// then, particles are kept as they were. Damage has evolved by the whole step already.
+  void move(double start, double dt, bool trial, int halvings) {
+    StepView view = step_view(start, dt);
     particles_to_grid(view, true);
     update_grid(view);
     if (constraints_) apply_constraints(view);
-    grid_to_particles(view, trial);
+    if (!may_be_too_large(dt) || halvings == 0) {
+      grid_to_particles(view, trial);
+      return;
+    }
+    std::vector<Buffer> before;
+    keep(before, false);
+    const bool unsorted = needs_sort_;
+    if (!scene_.simulation.time_step) view.least_volume_ratio = least_volume_ratio;
+    const auto too_large = grid_to_particles(view, trial, true);
+    if (!too_large) return;
+    restore(before, false);
+    needs_sort_ = unsorted;
+    failed_batches_.clear();
+    waves_at_ = steps_ - wave_interval;
+    if (halvings == most_halvings) {
+      halved_steps_++;
+      if (!std::exchange(warned_halved_, true))
+        spdlog::warn("step {} at t = {:.6g} s: {}; it is taken in halves. Said once: frames.csv counts halved_steps", steps_,
+                     start, *too_large);
+    }
+    move(start, dt / 2, trial, halvings - 1);
+    if (needs_sort_) sort();
+    move(start + dt / 2, dt / 2, trial, halvings - 1);
+  }
+
+  /// Whether this step might turn out too large, by what the grid says.
+  bool may_be_too_large(double dt) {
+    const double to_strain = dt / cell_size_, bound = to_strain * jumps_.bound(grid_, std::as_const(*this).sets());
+    if (!(bound > harmless_strain)) {
+      strained_ += bound;
+      return false;
+    }
+    const double strain = to_strain * jumps_.largest(grid_, std::as_const(*this).sets(), harmless_strain / to_strain);
+    strained_ += strain;
+    return strain > harmless_strain;
   }
 
   /// With velocities that are solved for, in two halves where there is no solution. Solving moves no particle.
@@ -216,21 +263,24 @@ class MpmSimulation final : public Simulation {
     return view;
   }
 
-  /// What the particles that have damage are, apart from where they are stored: trials move only these.
-  void keep(std::vector<Buffer>& copies) const {
+  /// What particles are, apart from where they are stored; trials move only those that have damage.
+  void keep(std::vector<Buffer>& copies, bool damaged_only) const {
     for (std::size_t k = 0; k < sets_.size(); k++) {
-      const std::size_t bytes = damage_[k] ? sets_[k]->tiles() * sets_[k]->layout().stride : 0;
+      const std::size_t bytes = damage_[k] || !damaged_only ? sets_[k]->tiles() * sets_[k]->layout().stride : 0;
       copies.emplace_back(bytes);
       if (bytes) std::memcpy(copies.back().data(), sets_[k]->data(), bytes);
     }
   }
-  void restore(const std::vector<Buffer>& copies) {
+  void restore(const std::vector<Buffer>& copies, bool damaged_only) {
     for (std::size_t k = 0; k < sets_.size(); k++)
-      if (damage_[k]) std::memcpy(sets_[k]->data(), copies[k].data(), sets_[k]->tiles() * sets_[k]->layout().stride);
+      if (damage_[k] || !damaged_only)
+        std::memcpy(sets_[k]->data(), copies[k].data(), sets_[k]->tiles() * sets_[k]->layout().stride);
   }
   void drive_damage(double dt);
   void evolve_damage(double dt);
   void check_damage_step();
+  /// Says once that a fixed step is above what elastic waves allow.
+  void check_fixed_step();
   void populate();
   void find_held(const std::vector<SampledBody>&);
   void store(std::size_t material, std::vector<SampledBody>&);
@@ -250,12 +300,18 @@ class MpmSimulation final : public Simulation {
   /// What an implicit step from the present state costs; empty if that is more than `most` or there is no solution.
   std::optional<SolveWork> try_implicit_step(double dt, double most);
   void apply_constraints(const StepView&);
-  /// A trial leaves particles that have no damage where they are.
-  void grid_to_particles(const StepView&, bool trial);
+  /// A trial leaves particles that have no damage where they are. Where the step may be too large, says so if it is, and then
+  /// leaves particles in any state.
+  std::optional<std::string> grid_to_particles(const StepView&, bool trial, bool may_be_too_large = false);
   static const plugins::Instance& failed_law(const Material& m, const BlockReport& r) {
     return r.failed == LawKind::damage ? m.damage() : r.failed == LawKind::plasticity ? m.plasticity() : m.elasticity();
   }
   void check(const std::vector<BlockReport>&, std::size_t set, const char* stage);
+  /// What a smaller step may mend.
+  std::optional<std::string> too_large(const std::vector<BlockReport>&, std::size_t set, const StepView&) const;
+  std::string name_of(const Set&, std::uint64_t slot) const;
+  /// The first particle that is beyond the grid or nowhere, as the beginning of a message.
+  std::string first_lost() const;
   [[noreturn]] void fail(std::size_t set, const BlockReport&, const char* stage);
   /// The batch of this point as a file, empty if no law failed there.
   std::string failed_batch(const FailedBatches::Kept*, const Set&) const;
@@ -329,8 +385,11 @@ class MpmSimulation final : public Simulation {
   std::map<std::string, std::int64_t> integrators_;  // steps of each
   double maximum_speed_ = 0, wave_step_ = 0;
   std::int64_t waves_at_ = 0, particle_count_ = 0;
+  VelocityJumps<T, D> jumps_;
+  double strained_ = 0;            // at most, of any particle since waves were measured
+  std::int64_t halved_steps_ = 0;  // since the last record
   bool needs_sort_ = false;
-  bool warned_unreliable_ = false, warned_damage_ = false;
+  bool warned_unreliable_ = false, warned_damage_ = false, warned_halved_ = false, warned_step_ = false;
   double stage_seconds_[stage_count] = {};
 };
 
@@ -468,10 +527,21 @@ void MpmSimulation<T, D>::sort() {
     for (std::size_t k = 0; k < sets_.size(); k++)
       if (needs_sort_ || (damage_[k] && damage_[k]->needs_sorted_particles())) sets_[k]->sort();
   } catch (const SimulationError& e) {
-    throw SimulationError(fmt::format("step {} at t = {:.6g} s: {}", steps_, time_, e.what()));
+    throw SimulationError(fmt::format("step {} at t = {:.6g} s: {}{}", steps_, time_, first_lost(), e.what()));
   }
   needs_sort_ = false;
   rebuild_grid();
+}
+
+template <class T, int D>
+std::string MpmSimulation<T, D>::first_lost() const {
+  constexpr double farthest = double(farthest_block) * GridShape<D>::block_edge;
+  std::string who;
+  for (const auto& set : sets_)
+    set->for_each([&](const auto& block, std::uint64_t slot) {
+      if (who.empty() && !(set->position(block, slot).cwiseAbs().maxCoeff() < farthest)) who = name_of(*set, slot) + ": ";
+    });
+  return who;
 }
 
 template <class T, int D>
@@ -562,6 +632,7 @@ void MpmSimulation<T, D>::measure_waves() {
   for (std::size_t s = 0; s < sets_.size(); s++) {
     const Material& m = *materials_[set_material_[s]];
     const BoundLaw law = m.measure<T>(Material::Measure::wave_modulus);
+    if (!law.function) continue;
     std::vector<double> largest(sets_[s]->blocks().size(), 0.0);
     evaluate(s, law, [&](std::size_t block, std::uint64_t, const T* values, int count) {
       for (int k = 0; k < count; k++)
@@ -571,6 +642,7 @@ void MpmSimulation<T, D>::measure_waves() {
   }
   wave_step_ = fastest > 0 ? scene_.simulation.cfl * cell_size_ / std::sqrt(fastest) : std::numeric_limits<double>::infinity();
   waves_at_ = steps_;
+  strained_ = 0;
 }
 
 template <class T, int D>
@@ -598,7 +670,7 @@ Bound MpmSimulation<T, D>::largest_step() {
 
   Bound implicit = bound;
   if (1 / sim.frame_rate < implicit.seconds) implicit = {1 / sim.frame_rate, "frame"};
-  if (steps_ - waves_at_ >= wave_interval) measure_waves();
+  if (steps_ - waves_at_ >= wave_interval || strained_ > wave_strain) measure_waves();
   consider(wave_step_, "elastic wave");
   if (sim.integrator == config::Integrator::symplectic) return bound;
 
@@ -665,6 +737,20 @@ void MpmSimulation<T, D>::check_damage_step() {
           "integration = \"implicit\" has no such limit",
           m.name, bound, step / bound);
   }
+}
+
+template <class T, int D>
+void MpmSimulation<T, D>::check_fixed_step() {
+  const auto& sim = scene_.simulation;
+  if (!sim.time_step || sim.integrator == config::Integrator::implicit || warned_step_) return;
+  const double stable = wave_step_ / sim.cfl;
+  if (*sim.time_step <= stable) return;
+  warned_step_ = true;
+  spdlog::warn(
+      "t = {:.6g} s: the fixed step of {:.3g} s is above {:.3g} s, which elastic waves allow (CFL 1): energy may grow from "
+      "step "
+      "to step; give time_step = \"auto\", or integrator = \"implicit\". Said once",
+      time_, *sim.time_step, stable);
 }
 
 // ------------------------------------------------------------------------------------------------- a step
@@ -781,7 +867,7 @@ void MpmSimulation<T, D>::apply_constraints(const StepView& step) {
 }
 
 template <class T, int D>
-void MpmSimulation<T, D>::grid_to_particles(const StepView& step, bool trial) {
+std::optional<std::string> MpmSimulation<T, D>::grid_to_particles(const StepView& step, bool trial, bool may_be_too_large) {
   Timer timer(*this, to_particles_stage);
   std::vector<Set*> moved = sets();
   for (std::size_t s = 0; s < sets_.size(); s++)
@@ -803,9 +889,12 @@ void MpmSimulation<T, D>::grid_to_particles(const StepView& step, bool trial) {
       maximum_speed_ = std::max(maximum_speed_, r.maximum_speed);
       needs_sort_ = needs_sort_ || r.strayed;
     }
+    if (may_be_too_large)
+      if (auto problem = too_large(reports, s, step)) return problem;
     check(reports, s, "grid to particles");
   }
   if (handles_.any() && handles_.move(moved, held, step.start, step.time_step)) needs_sort_ = true;
+  return std::nullopt;
 }
 
 // ------------------------------------------------------------------------------------------------- failure
@@ -870,6 +959,29 @@ void MpmSimulation<T, D>::check(const std::vector<BlockReport>& reports, std::si
                    failed_law(m, r).description().id, m.name());
     }
   }
+}
+
+template <class T, int D>
+std::optional<std::string> MpmSimulation<T, D>::too_large(const std::vector<BlockReport>& reports, std::size_t set,
+                                                          const StepView& step) const {
+  for (const BlockReport& r : reports) {
+    if (r.not_finite || r.result != CLEAVE_OK) return std::nullopt;
+    if (!r.inverted && r.status < CLEAVE_STATUS_RETRY) continue;
+    const std::string who = name_of(*sets_[set], r.slot);
+    if (r.inverted)
+      return fmt::format("a step of {:.3g} s {} {}", step.time_step,
+                         step.least_volume_ratio > 0 ? "takes three quarters of its volume from" : "turns inside out", who);
+    const Material& m = *materials_[set_material_[set]];
+    return fmt::format("{} has no result for {} in a step of {:.3g} s", failed_law(m, r).description().id, who, step.time_step);
+  }
+  return std::nullopt;
+}
+
+template <class T, int D>
+std::string MpmSimulation<T, D>::name_of(const Set& s, std::uint64_t slot) const {
+  const std::uint32_t id = s.id(slot);
+  const std::size_t body = std::size_t(std::upper_bound(first_id_.begin(), first_id_.end(), id) - first_id_.begin()) - 1;
+  return fmt::format("particle {} (body '{}')", id, body_names_[body]);
 }
 
 template <class T, int D>
@@ -1038,6 +1150,12 @@ template <class T, int D>
 output::FrameRecord MpmSimulation<T, D>::measure() {
   output::FrameRecord r;
   record_steps(r);
+  r.halved_steps = std::exchange(halved_steps_, 0);
+  r.under_sampled = double(under_sampled<T, D>(grid_, std::as_const(*this).sets())) / double(particle_count_);
+  if (scene_.simulation.time_step && scene_.simulation.integrator != config::Integrator::implicit) {
+    measure_waves();
+    check_fixed_step();
+  }
   r.minimum_J = std::numeric_limits<double>::infinity();
   r.maximum_J = -r.minimum_J;
   const double cell_volume = std::pow(cell_size_, D), inertia = cell_size_ * cell_size_ / 4;
@@ -1165,6 +1283,7 @@ void Simulation::step(double target) {
   const double dt = equal_steps(target - time_, bound.seconds);
   limited_by_ = dt < 0.5 * bound.seconds ? "frame" : bound.name;
   limits_[limited_by_]++;
+  smallest_bound_ = std::min(smallest_bound_, bound.seconds);
   if (!(dt > 0) || time_ + dt == time_)
     throw SimulationError(fmt::format("step {} at t = {:.6g} s: the stable step has shrunk to {:.3g} s ({})", steps_, time_,
                                       bound.seconds, bound.name));
@@ -1192,6 +1311,8 @@ void Simulation::record_steps(output::FrameRecord& record) {
   record.time = time_;
   record.steps = steps_ - std::exchange(steps_at_record_, steps_);
   record.time_step = time_step_;
+  const double bound = std::exchange(smallest_bound_, std::numeric_limits<double>::infinity());
+  record.stable_step = std::isfinite(bound) ? bound : 0;
   record.limited_by = limited_by_;
 }
 

@@ -7,6 +7,7 @@
 #include "plugins/registry.hpp"
 
 #include <cstdint>
+#include <limits>
 #include <map>
 #include <memory>
 #include <string>
@@ -102,11 +103,13 @@ class Simulation {
   /// What saving and restoring share.
   template <class Self, class Archive>
   static void list(Self& self, Archive& archive) {
-    archive(self.time_, self.time_step_, self.steps_, self.limited_by_, self.steps_at_record_, self.limits_);
+    archive(self.time_, self.time_step_, self.steps_, self.limited_by_, self.steps_at_record_, self.limits_,
+            self.smallest_bound_);
   }
 
   std::string limited_by_;
   std::int64_t steps_at_record_ = 0;
+  double smallest_bound_ = std::numeric_limits<double>::infinity();  ///< since the last record, s
   std::map<std::string, std::int64_t> limits_;
 };
 

@@ -74,6 +74,7 @@ struct FrameRecord {
   double time = 0;
   std::int64_t steps = 0;  ///< since the previous frame
   double time_step = 0;    ///< last one, s
+  double stable_step = 0;  ///< smallest of the largest steps that bounds allowed since the previous frame, s
   std::string limited_by;  ///< "elastic wave", "particle speed", "explicit damage", "maximum", "fixed", "frame",
                            ///< "discretization"
   double kinetic_energy = 0, elastic_energy = 0, gravity_energy = 0;  ///< J
@@ -84,7 +85,9 @@ struct FrameRecord {
   double volume = 0;                                                  ///< current, m^3
   double rest_volume = 0;                                             ///< m^3, no column of the table
   double minimum_J = 1, maximum_J = 1;
-  double maximum_speed = 0;  ///< m/s
+  double maximum_speed = 0;       ///< m/s
+  std::int64_t halved_steps = 0;  ///< since the previous frame: rolled back, and taken in halves
+  double under_sampled = 0;       ///< part of the particles that are more than a cell from the next ones
   double maximum_damage = 0;
   double damaged_fraction = 0;              ///< of the rest volume that has d > 1/2
   double damage_iterations = 0;             ///< of the implicit solves since the previous frame, mean

@@ -61,6 +61,9 @@ Row columns(const FrameRecord& record) {
           {"linear_iterations", number(record.linear_iterations)},
           {"constraint_iterations", number(record.constraint_iterations)},
           {"constraint_residual", number(record.constraint_residual)},
+          {"stable_step", number(record.stable_step)},
+          {"halved_steps", std::to_string(record.halved_steps)},
+          {"under_sampled", number(record.under_sampled)},
           {"wall_seconds", number(record.wall_seconds)}};
 }
 

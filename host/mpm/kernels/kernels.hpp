@@ -94,6 +94,7 @@ struct StepView {
   bool stress = true;                 ///< false: scatter mass and momentum alone (FLIP's reference velocity, implicit steps)
   void* grid = nullptr;               ///< block_nodes * 4 numbers per block
   const void* grid_before = nullptr;  ///< FLIP: velocities before forces
+  double least_volume_ratio = 0;      ///< volume after the step over that before it, up to which a neighbourhood is turned
 };
 
 enum class LawKind : std::uint8_t { elasticity, plasticity, damage };
@@ -105,8 +106,8 @@ struct BlockReport {
   std::uint8_t status = 0;   ///< worst cleave_status
   cleave_result result = CLEAVE_OK;
   LawKind failed = LawKind::elasticity;
-  bool not_finite = false;  ///< a velocity or position is no number
-  bool inverted = false;
+  bool not_finite = false;     ///< a velocity or position is no number
+  bool inverted = false;       ///< a neighbourhood was pressed to least_volume_ratio or beyond
   std::uint64_t slot = ~0ull;  ///< smallest particle slot (tile * lanes + lane) with a problem
 };
 

@@ -193,7 +193,8 @@ void grid_to_particle(const ParticleView& set, const BlockView& block, const Ste
   if (flip) load_arena<T, D>(static_cast<const T*>(step.grid_before), block, s.before_arena);
   using V = Part<T>;
   const V dt = everywhere<V>(T(step.time_step)), to_cells = everywhere<V>(T(step.time_step / step.cell_size)),
-          gradient = everywhere<V>(T(4 / step.cell_size)), ratio = everywhere<V>(T(step.flip_ratio));
+          gradient = everywhere<V>(T(4 / step.cell_size)), ratio = everywhere<V>(T(step.flip_ratio)),
+          least_ratio = everywhere<V>(T(step.least_volume_ratio));
   constexpr T low = T(-0.5), high = T(GridShape<D>::block_edge + 1.5);
   V fastest{};
   TileMask<V> strayed{}, broken{}, inverted{};
@@ -242,7 +243,7 @@ void grid_to_particle(const ParticleView& set, const BlockView& block, const Ste
             for (int i = 0; i < D; i++)
               for (int a = 0; a < D; a++) A[i][a] = dt * A[i][a] + T(i == a ? 1 : 0);
             if (set.detect_inversion) {
-              auto turned = ~(determinant<V, D>(A) > T(0));
+              auto turned = ~(determinant<V, D>(A) > least_ratio);
               if (block.damaged) turned &= load<V>(tile + set.damage) < T(saturated_damage);
               inverted |= turned;
             }

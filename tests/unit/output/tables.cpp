@@ -53,6 +53,9 @@ FrameRecord record() {
   record.damaged_fraction = 0.25;
   record.newton_iterations = 2.5;
   record.linear_iterations = 37.5;
+  record.stable_step = 1e-4;
+  record.halved_steps = 2;
+  record.under_sampled = 0.125;
   record.wall_seconds = 1.5;
   return record;
 }
@@ -70,7 +73,8 @@ TEST_F(Tables, FramesHaveOneColumnPerFieldUnderAPlainHeader) {
             "momentum_x,momentum_y,momentum_z,angular_momentum_x,angular_momentum_y,angular_momentum_z,"
             "center_of_mass_x,center_of_mass_y,center_of_mass_z,mass,volume,minimum_J,maximum_J,maximum_speed,"
             "maximum_damage,damaged_fraction,damage_iterations,damage_iterations_most,damage_active,"
-            "newton_iterations,linear_iterations,constraint_iterations,constraint_residual,wall_seconds");
+            "newton_iterations,linear_iterations,constraint_iterations,constraint_residual,"
+            "stable_step,halved_steps,under_sampled,wall_seconds");
   const std::vector<std::string> values = cells(row);
   ASSERT_EQ(values.size(), cells(header).size());
   EXPECT_EQ(values[0], "3");
@@ -82,7 +86,10 @@ TEST_F(Tables, FramesHaveOneColumnPerFieldUnderAPlainHeader) {
   EXPECT_EQ(values[21], "nan");
   EXPECT_EQ(values[27], "2.5");
   EXPECT_EQ(values[28], "37.5");
-  EXPECT_EQ(values[31], "1.5");
+  EXPECT_EQ(std::stod(values[31]), 1e-4);
+  EXPECT_EQ(values[32], "2");
+  EXPECT_EQ(values[33], "0.125");
+  EXPECT_EQ(values[34], "1.5");
 }
 
 TEST_F(Tables, RowsAreThereAsSoonAsTheyAreRecorded) {
