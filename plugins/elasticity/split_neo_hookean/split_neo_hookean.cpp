@@ -61,18 +61,29 @@ struct SplitNeoHookean {
   ///
   ///   rho_0 c^2 = mu' beta + (C + sqrt(C^2 + (4/3 mu' gamma)^2))/2,     C = c - 4/3 mu' beta,
   ///
-  /// convex in beta and growing with gamma, so that the ends of what beta and gamma can be bound it:
-  /// |beta - tr b/3| <= sqrt(2/3) |dev b| and gamma <= |dev b|/sqrt 2. Exact for a pure change of volume.
+  /// growing with gamma^2 <= (b_max - beta)(beta - b_min), of directions between the axes of the largest and the least
+  /// eigenvalue of b. There the root is sqrt(P + Q beta), and the whole, concave in beta, is largest where its derivative is 0
+  /// or at an end: the exact maximum for the eigenvalues given. Those are the outer roots of y^3 - |dev b|^2 y/2 = det dev b
+  /// with b = y + tr b/3; Newton's method comes to them from outside, so that the result is a bound however early it ends.
   template <class T>
   T wave_modulus(const Symmetric3<T>& b, const T& g) const {
-    const T J2 = determinant(b), shear = g * moduli.shear * rcbrt(J2), mean = trace(b) / 3, shape = norm(deviator(b));
+    const T J2 = determinant(b), shear = g * moduli.shear * rcbrt(J2), mean = trace(b) / 3;
     const T c = 5. / 3 * shear * mean + 0.5 * moduli.bulk * volume_degradation<T>(sqrt(J2), g) * (J2 + 1);
-    const auto along = [&](const T& beta) {
-      const T C = c - 4. / 3 * shear * beta, coupling = 0.94280904158206336 * shear * shape;
-      return shear * beta + 0.5 * (C + sqrt(C * C + coupling * coupling));
+    const Symmetric3<T> s = deviator(b);
+    const T half = 0.5 * squared_norm(s), shape = sqrt(2 * half), last = determinant(s), tiny = 1e-30;
+    const auto outer = [&](T y) {
+      for (int i = 0; i < 3; i++) y = y - (y * (y * y - half) - last) / max(3 * y * y - half, tiny);
+      return mean + y;
     };
     const T spread = 0.81649658092772603 * shape;
-    return max(along(mean + spread), along(max(mean - spread, T(0))));
+    const T most = outer(spread), least = max(outer(-spread), T(0));
+    const T coupling = 16. / 9 * shear * shear;
+    const T P = c * c - coupling * most * least, Q = coupling * (most + least) - 8. / 3 * c * shear;
+    // derivative mu'/3 + Q/(4 sqrt(P + Q beta)) = 0
+    const T q = 16. / 9 * shear * (most + least) - 8. / 3 * c;  // Q/mu'
+    const T stationary = (0.5625 * q * q - P) / min(Q, -tiny);
+    const T beta = select(Q < 0, min(max(stationary, least), most), most);
+    return 1. / 3 * shear * beta + 0.5 * (c + sqrt(max(P + Q * beta, T(0))));
   }
 
   IsochoricResponse isochoric_response() const {
