@@ -44,10 +44,10 @@ shape = { type = "box", size = [1, 2, 3] }
   void write(const std::string& name, const std::string& text) const { std::ofstream(folder_ / name) << text; }
 
   Result validate(const std::vector<std::string>& sets) const {
-    const plugins::Registry registry({std::filesystem::path(CLEAVE_BINARY_DIR) / "lib/cleave/plugins"});
+    plugins::Registry registry({std::filesystem::path(CLEAVE_BINARY_DIR) / "lib/cleave/plugins"});
     CaptureStdout();
     CaptureStderr();
-    const int status = validate_command(folder_ / "scene.toml", sets, registry);
+    const int status = validate_command(folder_ / "scene.toml", sets, std::move(registry));
     std::fflush(stdout);
     return {status, GetCapturedStdout(), GetCapturedStderr()};
   }
