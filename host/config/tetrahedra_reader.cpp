@@ -21,11 +21,13 @@ std::optional<TetrahedraSpec> read_tetrahedra(TableReader table) {
     read_place_of_file(table, file);
   } else {
     tetrahedra.edge_length = table.number("edge_length", "m", Range::positive()).value_or(table.context().cell_size);
-    if (tetrahedra.edge_length == 0) table.require("edge_length", "a number (m), or simulation.cell_size");
+    if (tetrahedra.edge_length == 0) {
+      table.require("edge_length", "a number (m), or simulation.cell_size");
+      tetrahedra.edge_length = 1;  // for what else is to be read
+    }
     if (const auto method = table.choice("method", method_names())) tetrahedra.method = TetrahedraSpec::Method(*method);
     for (const char* key : {"file_size", "centered", "center", "scale", "rotate", "translate"})
       table.refuse(key, "is only used with 'file'; the place of a shape is given with the shape");
-    usable = tetrahedra.edge_length > 0;
   }
   table.finish();
   return usable ? std::optional(tetrahedra) : std::nullopt;
