@@ -115,7 +115,7 @@ TEST_F(Tables, TheSummaryIsJson) {
   summary.limits = {{"elastic wave", 1200}, {"frame", 34}};
   summary.integrators = {{"implicit", 34}, {"symplectic", 1200}};
   summary.bytes_per_particle = {{"position", 12}, {"total", 100}};
-  summary.plugins = {{"elasticity/split-neo-hookean", "1.0.0", "/lib/a.so"}, {"damage/phase-field", "2", "b.so"}};
+  summary.plugins = {{"elasticity/split-neo-hookean", "1.0.0", "/lib/a.so", "00ff"}, {"damage/phase-field", "2", "b.so", ""}};
   summary.threads = 2;
   summary.precision = "single";
   summary.isa = "avx2";
