@@ -46,6 +46,7 @@ int main(int argc, char** argv) {
   run_cli->add_option("--steps", run.steps, "Stop after this many steps")->check(CLI::Range(0, 2000000000));
   run_cli->add_option("--set", run.sets, "Change a value of the scene: path=value (repeatable)")->allow_extra_args(false);
   run_cli->add_flag("--quiet", run.quiet, "Print nothing but errors");
+  run_cli->add_flag("--preview{1}", run.preview, "Draw frames while it runs, into the folder preview; --preview=N: every N-th");
   run_cli->add_flag("--resume", run.resume, "Go on from the newest checkpoint, from the beginning if there is none");
   run_cli->add_flag("--resume-anyway", run.resume_anyway,
                     "The same, also where the program, a plugin or the instruction set is another one");

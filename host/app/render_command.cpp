@@ -231,10 +231,10 @@ int render_command(const RenderOptions& options, const plugins::Registry& regist
   return 0;
 }
 
-Preview::Preview(const config::Scene& scene, fs::path run, int every)
+Preview::Preview(const config::Scene& scene, fs::path run, int every, bool resumed)
     : surroundings_(surroundings_of(scene)), folder_(std::move(run) / "preview"), every_(every) {
   make_folder(folder_);
-  remove_pictures(folder_);
+  if (!resumed) remove_pictures(folder_);
 }
 
 void Preview::frame(const output::ParticleFrame& frame) {

@@ -36,7 +36,8 @@ render::Surroundings surroundings_of(const config::Scene&);
 /// Pictures of a run that is going on: of every so manieth frame one in the directory's folder preview, of frames as they come.
 class Preview {
  public:
-  Preview(const config::Scene&, std::filesystem::path run, int every);
+  /// `resumed`: beside the pictures there are.
+  Preview(const config::Scene&, std::filesystem::path run, int every, bool resumed);
   void frame(const output::ParticleFrame&);
 
  private:

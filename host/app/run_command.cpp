@@ -1,5 +1,6 @@
 #include "app/run_command.hpp"
 
+#include "app/render_command.hpp"
 #include "app/resume.hpp"
 #include "app/run_pieces.hpp"
 #include "checkpoint/run_directory.hpp"
@@ -180,7 +181,10 @@ int run_command(const RunOptions& options, plugins::Registry& registry) {
   const mpm::CrashDump crash_dump(out / "failed_batch.json");
   // Half of the threads at most: the others step. A single one cannot do both at once.
   const auto wall_seconds = [&] { return before.wall_seconds + seconds_since(begin); };
+  std::optional<Preview> preview;
+  if (options.preview > 0) preview.emplace(scene, out, options.preview, resumed);
   output::BackgroundWriter frames(writer, threads / 2, wall_seconds);
+  if (preview) frames.also([&](const output::ParticleFrame& frame) { preview->frame(frame); });
   double stepping = before.stepping_seconds, output_wait = before.output_seconds, saving = 0;
   int frames_taken = before.frames;
   const auto wait_for_frames = [&] {
@@ -368,6 +372,7 @@ int run_command(const RunOptions& options, plugins::Registry& registry) {
                status, simulation->steps(), simulation->time(), seconds_since(begin), stepping,
                summary.particle_steps_per_second * 1e-6);
     for (const auto& path : writer.written()) fmt::print("  {}\n", path.string());
+    if (preview) fmt::print("  {}\n", (out / "preview").string());
   }
   return interrupted ? 130 : 0;
 }

@@ -17,6 +17,7 @@ struct RunOptions {
   std::optional<long long> steps;  ///< stop after this many steps
   std::vector<std::string> sets;   ///< "path=value"
   bool quiet = false;
+  int preview = 0;             ///< pictures of every so manieth frame while it runs; 0: none
   bool resume = false;         ///< go on from the newest checkpoint in `out`; from the beginning if there is none
   bool resume_anyway = false;  ///< also where the program, a plugin or the instruction set is another one
 };

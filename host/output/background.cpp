@@ -16,6 +16,7 @@ BackgroundWriter::~BackgroundWriter() {
 
 void BackgroundWriter::write_now(const ParticleFrame& frame, FrameRecord& record) {
   writer_.frame(frame);
+  if (also_) also_(frame);
   record.wall_seconds = clock_();
   writer_.record(record);
 }

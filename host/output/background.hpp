@@ -4,6 +4,7 @@
 
 #include <functional>
 #include <future>
+#include <utility>
 
 namespace cleave::output {
 
@@ -21,6 +22,9 @@ class BackgroundWriter {
   BackgroundWriter(const BackgroundWriter&) = delete;
   BackgroundWriter& operator=(const BackgroundWriter&) = delete;
 
+  /// To be called with each frame after its files are written and before its row is, where they are written.
+  void also(std::function<void(const ParticleFrame&)> what) { also_ = std::move(what); }
+
   /// Waits for the frame before. The row gets its wall_seconds when the frame's files are complete, and is written then.
   void write(ParticleFrame, FrameRecord);
   void wait();   ///< until what was handed over is complete
@@ -36,6 +40,7 @@ class BackgroundWriter {
   Writer& writer_;
   int threads_;
   std::function<double()> clock_;
+  std::function<void(const ParticleFrame&)> also_;
   int frames_ = 0;
   double seconds_ = 0;
   std::future<double> pending_;  ///< seconds that the frame took

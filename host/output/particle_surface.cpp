@@ -21,9 +21,10 @@ namespace {
 
 using Leaf = openvdb::FloatTree::LeafNodeType;
 
-constexpr double voxel_width = 0.5;  ///< in spacings
-constexpr float band = 3;            ///< of the level set, in voxels
-constexpr float beyond = 2;          ///< voxels that the union of ellipsoids is known outside of it
+constexpr double voxel_width = 0.5;   ///< in spacings
+constexpr float band = 3;             ///< of the level set, in voxels
+constexpr float beyond = 2;           ///< voxels that the union of ellipsoids is known outside of it
+constexpr double farthest = 1 << 22;  ///< voxels from the origin, where single precision resolves half of one
 
 const Attribute* find_damage(const ParticleFrame& frame) {
   const auto found =
@@ -147,10 +148,14 @@ openvdb::FloatGrid::Ptr particle_level_set(const ParticleFrame& frame, std::size
     std::vector<float> damage;
     const Attribute* const d = find_damage(frame);
     for (const std::uint32_t i : particles) {
-      places.push_back(position_of(frame, i).cast<float>());
+      const Vector3 x = position_of(frame, i);
+      if (x.cwiseAbs().maxCoeff() > farthest * voxel) continue;
+      places.push_back(x.cast<float>());
       if (d) damage.push_back(d->values[i]);
     }
-    fill(grid->tree(), particle_ellipsoids(places, damage, float(spacing)), float(voxel));
+    if (!places.empty()) fill(grid->tree(), particle_ellipsoids(places, damage, float(spacing)), float(voxel));
+  }
+  if (grid->activeVoxelCount() > 0) {
     grid->pruneGrid();
     // The union knows the nearest ellipsoid only; a level set needs the distance to the surface, in a narrow band.
     grid = openvdb::tools::sdfToSdf(*grid);

@@ -18,7 +18,7 @@ struct SurfaceMesh {
 double particle_spacing(const ParticleFrame&, std::size_t body);
 
 /// Zero set of the level set that write_surface_vdb() writes, its voxels `coarseness` times as wide. Particles whose places are
-/// not finite, or 2^30 voxels away, are left out.
+/// not finite, or more than 2^22 voxels from the origin, are left out.
 SurfaceMesh surface_mesh(const ParticleFrame&, std::size_t body, double coarseness = 1);
 
 /// A quantity of a body's particles at other places, `components` numbers each: the mean over particles within 1.5 spacings,

@@ -139,7 +139,7 @@ FileFrame read_vtp(const std::filesystem::path& path, const Wanted& wanted) {
     frame.attributes.push_back(std::move(attribute));
   }
   const std::size_t count = frame.positions.size();
-  bool whole = frame.body.size() == count;
+  bool whole = text.find("</VTKFile>") != std::string::npos && frame.body.size() == count;
   for (const output::Attribute& a : frame.attributes)
     whole = whole && a.components > 0 && a.values.size() == count * std::size_t(a.components);
   for (const std::uint32_t corner : frame.triangles) whole = whole && corner < count;
