@@ -1,4 +1,5 @@
 // Bars and beams of finite elements against closed forms.
+#include "figure.hpp"
 #include "specimen.hpp"
 
 #include <algorithm>
@@ -156,8 +157,14 @@ TEST(Elastica, HasThePublishedDropAndShortening) {
   const double published[4][3] = {{1, 0.3017, 0.0564}, {2, 0.4935, 0.1606}, {3, 0.6033, 0.2544}, {10, 0.8106, 0.5550}};
   for (const auto& [load, drop, shortening] : published) {
     const Elastica line(load, 0);
-    EXPECT_NEAR(line.drop, drop, 1e-4) << load;
-    EXPECT_NEAR(line.shortening, shortening, 1e-4) << load;
+    const std::string problem = "elastica by shooting, P L^2/EI = " + std::to_string(int(load));
+    report({.row = 6, .problem = problem, .quantity = "drop / L", .reference = drop, .measured = line.drop, .tolerance = 1e-4});
+    report({.row = 6,
+            .problem = problem,
+            .quantity = "shortening / L",
+            .reference = shortening,
+            .measured = line.shortening,
+            .tolerance = 1e-4});
   }
 }
 
@@ -190,7 +197,14 @@ TEST(FiniteElementCantilever, ConvergesToTheElastica) {
     }
     EXPECT_LT(errors[0], errors[1]);
     EXPECT_LT(errors[1], errors[2]);
-    EXPECT_NEAR(errors[2], 0, 0.08) << load;
+    report({.row = 6,
+            .problem =
+                load < 1 ? "finite elements, w L^3/EI = 0.1, 8 cells across" : "finite elements, w L^3/EI = 4, 8 cells across",
+            .quantity = "drop / that of the elastica",
+            .reference = 1,
+            .measured = 1 + errors[2],
+            .tolerance = 0.08,
+            .order = order_of(errors[1], errors[2])});
     EXPECT_NEAR(errors[2] + (errors[2] - errors[1]) / 3, 0, 0.03) << "extrapolated, " << load;
   }
 }
