@@ -15,9 +15,10 @@ namespace {
 constexpr float reach = 2.2f;           ///< of neighbours
 constexpr float inside_radius = 0.95f;  ///< leaves no holes between particles of a cubic lattice, which needs 0.87
 constexpr float axis_length = 1.2f;     ///< of an axis along which neighbours lie as in an endless lattice
-/// Smoothing over a voxel of half a spacing takes some of a ball this small: what stays is about the volume of a particle,
-/// whose radius is (3/(4 pi))^(1/3) = 0.62.
-constexpr float ball_radius = 0.78f;
+/// Of the volume of a particle, (3/(4 pi))^(1/3): broken ones, spread over a crack that has opened, do not fill it.
+constexpr float broken_radius = 0.62f;
+/// Of particles without neighbours. Smoothing over a voxel of half a spacing leaves about their volume of it.
+constexpr float lone_radius = 0.78f;
 constexpr float to_mean = 0.5f;  ///< part of the way to the mean of the neighbours
 /// Standard deviation of places along an axis of an endless body, with the weights 1 - (r/R)^3: sqrt(3/20) R.
 constexpr float endless_deviation = 0.387f * reach;
@@ -67,7 +68,7 @@ std::vector<Ellipsoid> particle_ellipsoids(std::span<const Eigen::Vector3f> plac
     std::vector<Eigen::Vector3f> between;
     for (std::size_t i = range.begin(); i < range.end(); i++) {
       const Eigen::Vector3f& place = places[i];
-      ellipsoids[i] = ball(place, ball_radius * spacing);
+      ellipsoids[i] = ball(place, (broken(i) ? broken_radius : lone_radius) * spacing);
       if (broken(i)) continue;
       neighbours.clear();
       between.clear();
