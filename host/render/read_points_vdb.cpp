@@ -25,7 +25,9 @@ void read_grid(const points::PointDataGrid& grid, std::int32_t body, const Wante
   const auto same = [](auto v, auto& values) { values.push_back(v); };
   for (auto leaf = grid.tree().cbeginLeaf(); leaf; ++leaf) {
     const auto& set = leaf->attributeSet();
-    for (const auto& [name, at] : set.descriptor().map()) {
+    for (const auto& entry : set.descriptor().map()) {
+      const std::string& name = entry.first;
+      const std::size_t at = entry.second;
       if (name == "P") {
         const points::AttributeHandle<openvdb::Vec3f> handle(leaf->constAttributeArray(at));
         for (auto n = leaf->beginIndexOn(); n; ++n) {

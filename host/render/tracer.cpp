@@ -56,7 +56,7 @@ Vector3f around(const Vector3f& axis, std::array<float, 2> u, float cosine_power
 
 class Tracer {
  public:
-  Tracer(const Stage& stage, const Camera& camera) : stage_(stage), camera_(camera) {
+  Tracer(const Stage& stage, const Camera& camera) : stage_(stage) {
     device_ = rtcNewDevice(nullptr);
     if (!device_) throw std::runtime_error("Embree cannot be started");
     scene_ = rtcNewScene(device_);
@@ -214,7 +214,6 @@ class Tracer {
   }
 
   const Stage& stage_;
-  const Camera& camera_;
   RTCDevice device_ = nullptr;
   RTCScene scene_ = nullptr;
   Vector3f to_light_;
