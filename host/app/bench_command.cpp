@@ -141,7 +141,8 @@ void add_bench_options(CLI::App& cli, BenchOptions& options) {
   cli.add_option("--repeats", options.repeats, "Samples of which the median is taken")
       ->check(CLI::Range(1, 100000))
       ->capture_default_str();
-  auto* named = cli.add_option("plugins", options.plugins, "Measure these plugins, and compare them with the first of them");
+  auto* named = cli.add_option("plugins", options.plugins, "Measure these plugins, and compare them with the first of them")
+                    ->type_name("PLUGIN");
   cli.add_option("--plugin", options.plugins, "The same, one at a time (repeatable; default: all)")
       ->allow_extra_args(false)
       ->excludes(named);

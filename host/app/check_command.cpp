@@ -40,7 +40,7 @@ std::vector<std::filesystem::path> all_libraries() {
 }  // namespace
 
 void add_check_options(CLI::App& cli, CheckOptions& options) {
-  cli.add_option("plugins", options.plugins, "Plugin libraries (files), or IDs of plugins");
+  cli.add_option("plugins", options.plugins, "Plugin libraries (files), or IDs of plugins")->type_name("PLUGIN");
   cli.add_flag("--all", options.all, "Check every plugin that is found");
   cli.add_flag("--list", options.list, "Print the checks, each with what it asks for");
   cli.add_option("--only", options.only, "Run this check only (repeatable)")->allow_extra_args(false);

@@ -1,5 +1,6 @@
 #include "app/bench_command.hpp"
 #include "app/check_command.hpp"
+#include "app/command_line.hpp"
 #include "app/new_plugin_command.hpp"
 #include "app/plugins_command.hpp"
 #include "app/point_command.hpp"
@@ -27,7 +28,7 @@ int main(int argc, char** argv) {
   spdlog::set_pattern("%^%l%$: %v");
 
   CLI::App cli{"Cleave simulates solids that tear, shatter and split, with every material law a plugin."};
-  cli.set_version_flag("--version", std::string("cleave ") + CLEAVE_VERSION);
+  cli.set_version_flag("--version", app::build_facts, "Print the version and the facts of this build, and exit");
   cli.require_subcommand(1);
   cli.failure_message([](const CLI::App* app, const CLI::Error& error) {
     if (error.get_name() == "RequiredError" && app->get_subcommands().empty()) return app->help();
@@ -67,7 +68,7 @@ int main(int argc, char** argv) {
 
   app::PluginsOptions list;
   auto* plugins_cli = cli.add_subcommand("plugins", "List the plugins, or describe one");
-  plugins_cli->add_option("id", list.id, "Plugin to describe, for example elasticity/split-neo-hookean");
+  plugins_cli->add_option("id", list.id, "Plugin to describe, for example elasticity/split-neo-hookean")->type_name("PLUGIN");
   plugins_cli->add_flag("--json", list.json, "Machine-readable output");
   plugins_cli->add_flag("--markdown", list.markdown, "A reference page: parameters, units, defaults, bounds, state");
   plugins_cli->add_flag("--explain", list.explain, "Also say where plugins were looked for and what was refused, and why");
@@ -125,6 +126,15 @@ int main(int argc, char** argv) {
   new_plugin_cli->add_option("name", project.name, "Name of the plugin, for example my-law")->required();
   new_plugin_cli->add_option("--dir", project.directory, "Directory to write into (default: ./NAME)");
   new_plugin_cli->callback([&] { status = app::new_plugin_command(project); });
+
+  std::string shell;
+  auto* completion_cli = cli.add_subcommand("completion", "Print what a shell completes commands, options and plugins with");
+  completion_cli->add_option("shell", shell, "bash (also for zsh, with bashcompinit) or fish")
+      ->required()
+      ->check(CLI::IsMember({"bash", "fish"}));
+  completion_cli->callback([&] { fmt::print("{}", shell == "bash" ? app::bash_completion(cli) : app::fish_completion(cli)); });
+  auto* manual_cli = cli.add_subcommand("manual", "Print the manual page (roff)")->group("");
+  manual_cli->callback([&] { fmt::print("{}", app::manual(cli)); });
 
   // Before the name of a command or after it; options take effect before any command runs.
   for (CLI::App* command : {&cli, run_cli, point_cli, bench_cli, kernels_cli, steps_cli, check_cli, study_cli})
