@@ -54,11 +54,20 @@ class RunToResume : public Program {
     }
     return all;
   }
-  /// The columns before the last one.
+  /// All columns but wall_seconds.
   static std::string without_wall_time(const std::string& table) {
     std::stringstream lines(table);
     std::string line, text;
-    while (std::getline(lines, line)) text += line.substr(0, line.rfind(',')) + "\n";
+    std::ptrdiff_t wall = -1;
+    while (std::getline(lines, line)) {
+      std::vector<std::string> cells;
+      std::stringstream row(line);
+      for (std::string cell; std::getline(row, cell, ',');) cells.push_back(cell);
+      if (wall < 0) wall = std::find(cells.begin(), cells.end(), "wall_seconds") - cells.begin();
+      if (wall < std::ptrdiff_t(cells.size())) cells.erase(cells.begin() + wall);
+      for (const std::string& cell : cells) text += cell + ",";
+      text += "\n";
+    }
     return text;
   }
   /// Names of results that are not the same.

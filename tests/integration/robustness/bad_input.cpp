@@ -89,7 +89,7 @@ TEST_F(BadInput, OverridesThatAreNone) {
 TEST_F(BadInput, MoreParticlesThanMemory) {
   // More than 16 GB hold, which stand for the memory of the machine.
   expect(changed("size = [0.3, 0.3, 0.3]", "size = [54, 54, 54]"), 2,
-         "body 'block': about 1.26e+09 particles take at least 189 GB", "ulimit -v 16000000;");
+         "body 'block': about 1.26e+09 particles take at least 188 GB", "ulimit -v 16000000;");
   expect(changed("size = [0.3, 0.3, 0.3]", "size = [1e9, 1e9, 1e9]"), 2, "use larger cells");
   expect(changed("cell_size = 0.1", "cell_size = 1e-9"), 2, "use larger cells");
 }

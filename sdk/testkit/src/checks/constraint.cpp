@@ -110,21 +110,25 @@ void projects(Context& context) {
     const auto correction = difference(once.velocity, system.velocity);
     change = std::max(change, size(system, correction) / scale);
 
+    // What the particles know of the step before stays: rows may ask for rates that depend on it.
     GridSystem again = system;
     again.velocity = once.velocity;
-    again.gather_gradients();
     const Projection twice = projected(context, instance, again, "the projected velocities of " + what);
     if (const double moved = size(system, difference(twice.velocity, once.velocity)) / scale; moved > velocity_tolerance)
       context.fail("a second projection changes the velocities by " + number(moved) +
                    " of what they were: the first did not meet the constraint, for " + what);
 
-    // Without strain to undo, the motion of the walls meets the constraint as well, and the correction is orthogonal to
-    // what lies between the two: the projected velocity is the nearest one.
+    // Without strain to undo and rates of the step before, the motion of the walls meets the constraint as well, and the
+    // correction is orthogonal to what lies between the two: the projected velocity is the nearest one.
     if (block.strain == Block::strained) return;
-    std::vector<double> relative = once.velocity;
+    GridSystem first = system;
+    std::fill(first.velocity_gradient.begin(), first.velocity_gradient.end(), 0.0);
+    const Projection nearest = projected(context, instance, first, what + ", after a step without motion");
+    const auto nearest_correction = difference(nearest.velocity, system.velocity);
+    std::vector<double> relative = nearest.velocity;
     for (std::size_t i = 0; block.held == Block::walls && i < relative.size(); ++i)
       relative[i] -= carried[i % std::size_t(block.dimension)];
-    if (const double cosine = system.product(correction, relative) / (scale * scale); std::abs(cosine) > velocity_tolerance)
+    if (const double cosine = system.product(nearest_correction, relative) / (scale * scale); std::abs(cosine) > velocity_tolerance)
       context.fail("(v - v*)^T M v is " + number(cosine) +
                    " of v*^T M v* and should be zero: a nearer velocity meets the constraint, for " + what);
   });
