@@ -128,7 +128,8 @@ void projects(Context& context) {
     std::vector<double> relative = nearest.velocity;
     for (std::size_t i = 0; block.held == Block::walls && i < relative.size(); ++i)
       relative[i] -= carried[i % std::size_t(block.dimension)];
-    if (const double cosine = system.product(nearest_correction, relative) / (scale * scale); std::abs(cosine) > velocity_tolerance)
+    if (const double cosine = system.product(nearest_correction, relative) / (scale * scale);
+        std::abs(cosine) > velocity_tolerance)
       context.fail("(v - v*)^T M v is " + number(cosine) +
                    " of v*^T M v* and should be zero: a nearer velocity meets the constraint, for " + what);
   });
