@@ -1,6 +1,7 @@
 #include "app/render_command.hpp"
 
 #include "common/error.hpp"
+#include "common/nearest.hpp"
 #include "output/atomic_file.hpp"
 #include "render/image.hpp"
 #include "render/movie.hpp"
@@ -183,9 +184,13 @@ int render_command(const RenderOptions& options, const plugins::Registry& regist
       !always.contains(look.color) && !attributes.contains(look.color)) {
     std::set<std::string> there = attributes;
     there.insert(always.begin(), always.end());
-    throw InputError(
-        fmt::format("error: --color {}: frames do not have it; there are {}. Others are written with output.attributes",
-                    look.color, fmt::join(there, ", ")));
+    const auto meant = nearest(look.color, {there.begin(), there.end()});
+    throw InputError(fmt::format(
+        "error: --color {}: frames do not have it; there are {}. {}", look.color, fmt::join(there, ", "),
+        meant ? "Did you mean " + *meant + "?"
+              : fmt::format(
+                    "What a run writes is chosen by output.attributes, as in --set 'output.attributes=[\"damage\", \"{}\"]'",
+                    look.color)));
   }
 
   render::Painter painter(look, scene.surroundings);

@@ -476,7 +476,7 @@ std::optional<std::vector<std::string>> read_words(TableReader& table, std::stri
 std::vector<std::string> output_attributes(const Scene& scene, const PluginCatalog& catalog) {
   const auto discretized = [](const Material& material) { return bool(material.discretization); };
   if (std::any_of(scene.materials.begin(), scene.materials.end(), discretized)) return {};
-  std::vector<std::string> names = {"J", "C", "piece"};
+  std::vector<std::string> names = {"J", "C", "piece", "stress"};
   const auto add = [&](const std::string& name) {
     if (std::find(names.begin(), names.end(), name) == names.end()) names.push_back(name);
   };
@@ -495,6 +495,8 @@ std::vector<std::string> output_attributes(const Scene& scene, const PluginCatal
     }
     add(stores_b ? "b" : "F");
   }
+  for (const Body& body : scene.bodies)
+    if (body.toughness) add("toughness");
   return names;
 }
 

@@ -27,6 +27,7 @@
 #include <chrono>
 #include <cstring>
 #include <map>
+#include <set>
 #include <span>
 
 namespace cleave::mpm {
@@ -63,6 +64,29 @@ constexpr double least_volume_ratio = 0.25;
 
 /// Explicit damage whose steps are so many times smaller than those of elasticity is refused.
 constexpr double explicit_damage_limit = 1000;
+
+/// Results of a law for the points of a batch, as rows of tiles.
+template <class T>
+struct LawResults {
+  const T* values;
+  int rows;  ///< of a tile
+  double operator()(int component, int point) const {
+    constexpr int lanes = tile_lanes<T>;
+    return double(values[(point / lanes * rows + component) * lanes + point % lanes]);
+  }
+};
+
+/// sqrt(3/2 s:s) with s = dev(tau)/J, from the components xx yy zz xy xz yz of tau.
+double von_mises_stress(const Eigen::Vector<double, 6>& tau, double J) {
+  const Vector3 deviator = tau.head<3>().array() - tau.head<3>().mean();
+  return std::sqrt(1.5 * deviator.squaredNorm() + 3 * tau.tail<3>().squaredNorm()) / std::abs(J);
+}
+
+/// Quantities of frames that are no state variables.
+bool is_built_in(const std::string& attribute) {
+  static const std::set<std::string> names = {"J", "C", "b", "F", "damage", "toughness", "stress", "piece"};
+  return names.contains(attribute);
+}
 
 template <class T, int D>
 class MpmSimulation final : public Simulation {
@@ -350,9 +374,14 @@ class MpmSimulation final : public Simulation {
   }
   void* scratch() { return scratch_.local().data(); }
 
-  /// Calls a law outside the step for all points of a set; f(first slot, values, count) gets one number per point.
+  /// Rows of a tile that a law writes into outside the step, and which of them has g.
+  struct ScratchRows {
+    int count, degradation;
+  };
+  static constexpr ScratchRows measure_scratch{2, 1}, stress_scratch{stress_rows, degradation_row};
+  /// Calls a law outside the step for all points of a set; f(block, first slot, results, count) gets them batch by batch.
   template <class F>
-  void evaluate(std::size_t set, const BoundLaw& law, F&& f) const;
+  void evaluate(std::size_t set, const BoundLaw& law, ScratchRows scratch, F&& f) const;
 
   config::Scene scene_;
   const TransferKernels<T, D>& kernels_;
@@ -594,11 +623,11 @@ void MpmSimulation<T, D>::restore_state(checkpoint::StateReader& reader, const s
 
 template <class T, int D>
 template <class F>
-void MpmSimulation<T, D>::evaluate(std::size_t set, const BoundLaw& law, F&& f) const {
+void MpmSimulation<T, D>::evaluate(std::size_t set, const BoundLaw& law, ScratchRows scratch, F&& f) const {
   const Set& s = *sets_[set];
   tbb::parallel_for(std::size_t(0), s.blocks().size(), [&](std::size_t i) {
     const auto& b = s.blocks()[i];
-    alignas(64) T rows[2 * chunk_points], values[chunk_points];  // per tile the result, then g
+    alignas(64) T rows[stress_rows * chunk_points];
     const Material& m = *materials_[set_material_[set]];
     cleave_status status[chunk_points];
     for (std::uint32_t k = 0; k < b.count; k += chunk_points) {
@@ -616,11 +645,11 @@ void MpmSimulation<T, D>::evaluate(std::size_t set, const BoundLaw& law, F&& f) 
       if (m.damage())
         for (std::uint32_t p = 0; p < (count + lanes - 1) / lanes * lanes; p++) {
           const double d = double(s.value(s.layout().damage, tile * lanes + p));
-          rows[(p / lanes * 2 + 1) * lanes + p % lanes] = T(1 - (1 - m.damage_model().residual) * d * (2 - d));
+          rows[(int(p) / lanes * scratch.count + scratch.degradation) * lanes + int(p) % lanes] =
+              T(1 - (1 - m.damage_model().residual) * d * (2 - d));
         }
       law.function(law.instance, &batch);
-      for (std::uint32_t p = 0; p < count; p++) values[p] = rows[p / lanes * 2 * lanes + p % lanes];
-      f(i, tile * lanes, values, int(count));
+      f(i, tile * lanes, LawResults<T>{rows, scratch.count}, int(count));
     }
   });
 }
@@ -634,9 +663,9 @@ void MpmSimulation<T, D>::measure_waves() {
     const BoundLaw law = m.measure<T>(Material::Measure::wave_modulus);
     if (!law.function) continue;
     std::vector<double> largest(sets_[s]->blocks().size(), 0.0);
-    evaluate(s, law, [&](std::size_t block, std::uint64_t, const T* values, int count) {
-      for (int k = 0; k < count; k++)
-        if (double(values[k]) > largest[block]) largest[block] = double(values[k]);
+    evaluate(s, law, measure_scratch, [&](std::size_t block, std::uint64_t, const LawResults<T>& modulus, int count) {
+      for (int p = 0; p < count; p++)
+        if (modulus(0, p) > largest[block]) largest[block] = modulus(0, p);
     });
     for (double modulus : largest) fastest = std::max(fastest, modulus / m.density());
   }
@@ -1023,7 +1052,7 @@ void MpmSimulation<T, D>::fail(std::size_t set, const BlockReport& r, const char
 
 template <class T, int D>
 std::vector<std::string> MpmSimulation<T, D>::attributes() const {
-  std::vector<std::string> names = {"J", "C"};
+  std::vector<std::string> names = {"J", "C", "stress"};
   for (const auto& s : sets_) {
     names.push_back(s->layout().stores_b ? "b" : "F");
     if (s->layout().damage) names.push_back("damage");
@@ -1053,9 +1082,13 @@ output::ParticleFrame MpmSimulation<T, D>::frame(int index) const {
   const auto wanted = [&](const std::string& name, bool by_default) {
     return asked.empty() ? by_default : std::find(asked.begin(), asked.end(), name) != asked.end();
   };
-  const auto attribute = [&](const std::string& name, int components, const std::string& unit) -> output::Attribute& {
-    for (auto& a : f.attributes)
-      if (a.name == name) return a;
+  // Those of one name and shape are one; another shape gets another name.
+  const auto attribute = [&](std::string name, int components, const std::string& unit) -> output::Attribute& {
+    for (auto& a : f.attributes) {
+      if (a.name != name) continue;
+      if (a.components == components) return a;
+      name += '_';
+    }
     f.attributes.push_back({name, components, unit, std::vector<float>(n * std::size_t(components), 0.f)});
     return f.attributes.back();
   };
@@ -1090,6 +1123,18 @@ output::ParticleFrame MpmSimulation<T, D>::frame(int index) const {
       for_particles(
           [&](const auto&, std::uint64_t slot) { a.values[s.id(slot)] = float(s.value(s.layout().toughness, slot)); });
     }
+    if (wanted("stress", false)) {
+      auto& a = attribute("stress", 1, "Pa");
+      evaluate(k, m.damage() ? m.template degraded_stress<T>() : m.template stress<T>(), stress_scratch,
+               [&](std::size_t, std::uint64_t slot, const LawResults<T>& result, int count) {
+                 for (int p = 0; p < count; p++) {
+                   Eigen::Vector<double, 6> tau;
+                   for (int c = 0; c < 6; c++) tau[c] = result(c, p);
+                   const std::uint64_t at = slot + std::uint64_t(p);
+                   a.values[s.id(at)] = float(von_mises_stress(tau, s.jacobian(at)));
+                 }
+               });
+    }
     const char* strain = s.layout().stores_b ? "b" : "F";
     if (wanted(strain, false)) {
       auto& a = attribute(strain, 9, "1");
@@ -1109,7 +1154,7 @@ output::ParticleFrame MpmSimulation<T, D>::frame(int index) const {
     for (const auto& state : m.states()) {
       const int components = int(state.tensor);
       if (wanted(state.name, true)) {
-        auto& a = attribute(state.name, components, state.unit);
+        auto& a = attribute(is_built_in(state.name) ? state.name + '_' : state.name, components, state.unit);
         for_particles([&](const auto&, std::uint64_t slot) {
           for (int c = 0; c < components; c++)
             a.values[s.id(slot) * components + c] = float(s.value(s.layout().state, first + c, slot));
@@ -1203,9 +1248,9 @@ output::FrameRecord MpmSimulation<T, D>::measure() {
       }
     });
     if (const BoundLaw law = materials_[set_material_[k]]->template measure<T>(Material::Measure::energy); law.function)
-      evaluate(k, law, [&](std::size_t block, std::uint64_t slot, const T* values, int count) {
+      evaluate(k, law, measure_scratch, [&](std::size_t block, std::uint64_t slot, const LawResults<T>& energy, int count) {
         for (int p = 0; p < count; p++)
-          sums[block].elastic += double(values[p]) * double(s.value(l.volume, slot + std::uint64_t(p))) * cell_volume;
+          sums[block].elastic += energy(0, p) * double(s.value(l.volume, slot + std::uint64_t(p))) * cell_volume;
       });
     for (const auto& sum : sums) {
       r.kinetic_energy += sum.kinetic;

@@ -99,6 +99,8 @@ TEST_F(Render, SaysWhatIsWrong) {
        std::vector<std::pair<std::string, std::string>>{{"nowhere", "there is no directory nowhere"},
                                                         {"empty", "no frames that can be drawn"},
                                                         {"run --color damage", "there are J, b, body, velocity"},
+                                                        {"run --color stress", "output.attributes=[\"damage\", \"stress\"]"},
+                                                        {"run --color velocty", "Did you mean velocity?"},
                                                         {"run --frames 9", "there are frames 0 to 4"},
                                                         {"run --frames 3:1", "the first and the last"},
                                                         {"run --frames x", "the first and the last"},

@@ -84,6 +84,7 @@ TEST(FullScene, HoldsWhatTheFileSays) {
   EXPECT_EQ(scene.handles[0].release, 1.75);
   ASSERT_EQ(scene.handles[0].motion.keyframes.size(), 2u);
   EXPECT_THAT(scene.output.attributes, ElementsAre("J", "alpha", "damage"));
+  EXPECT_THAT(load("fields_3d.toml").output.attributes, ElementsAre("stress", "toughness"));
 }
 
 TEST(Angles, AreDegreesInTheFileAndRadiansInside) {
