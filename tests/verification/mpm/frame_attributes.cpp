@@ -100,8 +100,8 @@ TEST(AttributesOfFrames, HaveOneNameEach) {
   const auto frame = s.start()->frame(0);
   const std::size_t last = frame.particles() - 1;
   const std::map<std::string, std::vector<float>> of_last = {
-      {"stress", {0}}, {"b", {1, 0, 0, 0, 1, 0, 0, 0, 1}}, {"marker", {0, 0, 0}},
-      {"b_", {7}},     {"stress_", {1, 2, 3, 4, 5, 6}},    {"marker_", {8}}};
+      {"stress", {0}},  {"b", {1, 0, 0, 0, 1, 0, 0, 0, 1}}, {"marker", {0, 0, 0}},
+      {"stress_", {7}}, {"b_", {1, 2, 3, 4, 5, 6}},         {"marker_", {8}}};
   ASSERT_EQ(frame.attributes.size(), of_last.size());
   for (const auto& [name, values] : of_last) {
     const auto& a = attribute(frame, name);
