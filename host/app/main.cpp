@@ -141,8 +141,8 @@ int main(int argc, char** argv) {
     command->add_option_function<std::string>("--isa", plugins::force_isa,
                                               "Instruction set of kernels and plugins: x86-64-v2, x86-64-v3 or x86-64-v4 "
                                               "(default: the best one that CLEAVE_ISA or the processor allows)");
-  for (CLI::App* command :
-       {&cli, run_cli, validate_cli, plugins_cli, point_cli, bench_cli, kernels_cli, steps_cli, check_cli, study_cli})
+  for (CLI::App* command : {&cli, run_cli, validate_cli, plugins_cli, point_cli, bench_cli, kernels_cli, steps_cli, check_cli,
+                            study_cli, render_cli})
     app::add_trust_options(*command);
 
   try {

@@ -172,6 +172,48 @@ TEST_F(Resume, AnotherInstructionSetIsRefusedUnlessToldOtherwise) {
   EXPECT_THAT(anyway.err, HasSubstr("warning: resumed with another program"));
 }
 
+TEST_F(Resume, APluginOfAnotherVersionIsRefusedUnlessToldOtherwise) {
+  const fs::path sound = fs::path(CLEAVE_FIXTURE_DIR) / "sound", law = directory / "laws/energy_only.so";
+  fs::create_directory(directory / "laws");
+  fs::copy_file(sound / "energy_only.so", law);
+  std::string text = scene;
+  text.replace(text.find("split-neo-hookean"), std::string("split-neo-hookean").size(), "energy-only");
+  write("scene.toml", text);
+  const std::string laws = " --allow-plugins-from laws";
+  ASSERT_EQ(run("--out whole" + laws).status, 0);
+  ASSERT_EQ(run("--out it --frames 3" + laws).status, 0);
+  const auto before = results("it");
+
+  fs::remove(law);
+  const Outcome without = run("--out it --resume" + laws);
+  EXPECT_EQ(without.status, 2);
+  EXPECT_THAT(without.err, HasSubstr("energy-only"));
+
+  fs::copy_file(sound / "next/energy_only_next.so", law);
+  const Outcome other = run("--out it --resume" + laws);
+  EXPECT_EQ(other.status, 2);
+  EXPECT_THAT(other.err, AllOf(HasSubstr("was written by another program:"),
+                               HasSubstr("plugin elasticity/energy-only: 1.0.0 -> 1.1.0"), HasSubstr("--resume-anyway")));
+  EXPECT_EQ(results("it"), before);
+
+  // the same version in another file: code is the same here, which a checksum cannot know
+  fs::remove(law);
+  fs::copy_file(sound / "energy_only.so", law);
+  std::ofstream(law, std::ios::app | std::ios::binary).put('\0');
+  fs::copy(directory / "it", directory / "rebuilt", fs::copy_options::recursive);
+  const Outcome rebuilt = run("--out rebuilt --resume" + laws);
+  EXPECT_EQ(rebuilt.status, 0) << rebuilt.err;
+  EXPECT_THAT(rebuilt.err, AllOf(HasSubstr("warning: bits may differ"),
+                                 HasSubstr("plugin elasticity/energy-only 1.0.0 has been built anew: " + law.string())));
+  EXPECT_THAT(differences("whole", "rebuilt"), IsEmpty());
+
+  fs::remove(law);
+  fs::copy_file(sound / "next/energy_only_next.so", law);
+  const Outcome anyway = run("--out it --resume-anyway" + laws);
+  EXPECT_EQ(anyway.status, 0) << anyway.err;
+  EXPECT_THAT(anyway.err, HasSubstr("warning: resumed with another program"));
+}
+
 TEST_F(Resume, ADamagedCheckpointIsSaidAndTheOneBeforeServes) {
   ASSERT_EQ(run("--out whole").status, 0);
   ASSERT_EQ(run("--out part --frames 5 --set output.checkpoint.frames=1").status, 0);

@@ -181,5 +181,36 @@ TEST_F(Trust, IsolationNamesThePluginAndTheProgramLives) {
   expect_command("run scene.toml --isolate --allow-plugins-from laws", 2, "crashes when it is opened: signal 11");
 }
 
+TEST_F(Trust, EveryCommandThatLoadsPluginsIsolatesThem) {
+  const auto law = add("laws");
+  auto scene = sound_scene;
+  scene.replace(scene.find("split-neo-hookean"), 17, "energy-only");
+  write("scene.toml", scene);
+  write("study.toml",
+        "title = \"Stiffness\"\nscene = \"scene.toml\"\n[[axis]]\nname = \"E\"\nunit = \"Pa\"\n"
+        "paths = [\"material.rubber.elasticity.youngs_modulus\"]\nvalues = [1e5, 2e5]\n[error]\ntitle = \"speed\"\n"
+        "value = \"momentum_y / mass\"\nformula = \"0\"\n");
+  ASSERT_EQ(cleave("run scene.toml --quiet --out run --frames 1 --allow-plugins-from laws").status, 0);
+  add_bad_start("crashes");
+  const std::string commands[] = {
+      "validate scene.toml",
+      "plugins elasticity/energy-only",
+      "point --elasticity energy-only --set elasticity.youngs_modulus=1e5 --set elasticity.poissons_ratio=0.3 --path "
+      "simple-shear --amplitude 0.1",
+      "bench kernels elasticity/energy-only --repeats 1",
+      "bench steps scene.toml --steps 1 --repeats 1 --threads 1",
+      "check elasticity/energy-only --only abi.loads",
+      "study study.toml --dry-run",
+      "render run --frames 1 --size 64x64 --samples 1 --quiet",
+  };
+  for (const auto& command : commands) {
+    const std::string trusting = command + " --allow-plugins-from laws";
+    EXPECT_GE(cleave(trusting).status, 128) << trusting << " does not open plugins: it needs no isolation";
+    expect_command(trusting + " --isolate", 0, "");
+  }
+  // a check runs in a process of its own, whether it is told to or not
+  expect_command("check laws/crashes.so --isolate", 1, "");
+}
+
 }  // namespace
 }  // namespace cleave::test
