@@ -177,6 +177,15 @@ TEST_F(BadInput, MeshWithAHole) {
   expect(with_shape("{ type = \"mesh\", file = \"m.obj\" }"), 2, "m.obj:2: ");
 }
 
+TEST_F(BadInput, MeshWithSmallHolesIsClosedAndSaysSo) {
+  // the last face of the cube with a window of 0.2 m by 0.2 m, and one face given twice
+  write("m.obj", cube +
+                     "v 0 0.4 0.4\nv 0 0.6 0.4\nv 0 0.6 0.6\nv 0 0.4 0.6\n"
+                     "f 1 4 10 9\nf 4 8 11 10\nf 8 5 12 11\nf 5 1 9 12\nf 1 2 6 5\nf 1 2 6 5\n");
+  write("scene.toml", with_shape("{ type = \"mesh\", file = \"m.obj\" }"));
+  expect_command("run scene.toml --out run", 0, "m.obj: closed 1 hole (4 open edges)");
+}
+
 TEST_F(BadInput, TetrahedraThatAreNone) {
   const std::string body = "tetrahedra = { file = \"m.node\" }";
   const auto scene = changed("shape = { type = \"box\", center = [0, 0.5, 0], size = [0.3, 0.3, 0.3] }", body);
