@@ -25,6 +25,15 @@ formats = ["ply"]
 
 class Robust : public Program {
  protected:
+  /// What comes before a command that is to get no more address space than this. Sanitizers reserve terabytes of it.
+#if defined(__SANITIZE_ADDRESS__) || defined(__SANITIZE_THREAD__)
+  static constexpr bool memory_can_be_limited = false;
+#else
+  static constexpr bool memory_can_be_limited = true;
+#endif
+  static std::string with_kilobytes(long limit) {
+    return memory_can_be_limited ? "ulimit -v " + std::to_string(limit) + ";" : "";
+  }
   /// The scene with its first `before` made `after`.
   std::string changed(const std::string& before, const std::string& after) const {
     std::string scene = sound_scene;
