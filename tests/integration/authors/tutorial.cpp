@@ -25,6 +25,13 @@ std::string value_in(const std::string& info, const std::string& key) {
   return "";
 }
 
+std::vector<std::string> words_of(const std::string& list) {
+  std::vector<std::string> words;
+  std::istringstream in(list);
+  for (std::string word; std::getline(in, word, ',');) words.push_back(word);
+  return words;
+}
+
 /// Pieces of a line between its `...` have to occur in this order, the first and the last at its ends.
 bool line_matches(const std::string& pattern, const std::string& line) {
   std::size_t at = 0, from = 0;
@@ -97,7 +104,8 @@ std::vector<Step> steps_of(const std::string& page) {
     } else if (inside && language == "console") {
       const auto status = value_in(info, "status");
       if (line.starts_with("$ ")) {
-        steps.push_back(Command{number, status.empty() ? 0 : std::stoi(status), line.substr(2), {}});
+        steps.push_back(
+            Command{number, status.empty() ? 0 : std::stoi(status), line.substr(2), {}, words_of(value_in(info, "needs"))});
       } else if (auto& command = std::get<Command>(steps.back()); line.starts_with("> ") && command.output.empty()) {
         command.text += "\n" + line.substr(2);
       } else {
@@ -106,6 +114,21 @@ std::vector<Step> steps_of(const std::string& page) {
     }
   }
   return steps;
+}
+
+std::set<std::string> leave_out(std::vector<Step>& steps, bool (*is_there)(const std::string& program)) {
+  std::set<std::string> absent;
+  std::erase_if(steps, [&](const Step& step) {
+    const auto* command = std::get_if<Command>(&step);
+    bool left_out = false;
+    for (const std::string& program : command ? command->needs : std::vector<std::string>()) {
+      if (is_there(program)) continue;
+      absent.insert(program);
+      left_out = true;
+    }
+    return left_out;
+  });
+  return absent;
 }
 
 std::string do_steps(const std::vector<Step>& steps, const std::string& directory, const std::string& environment) {
