@@ -254,6 +254,8 @@ void Constraints<T, D>::call(Law& called, double time_step) {
     spdlog::warn("plugin {}: {}; said once", law.description().id, message.text());
   statistics_.projections++;
   statistics_.iterations += report.iterations;
+  statistics_.particles += std::int64_t(volume_.size());
+  statistics_.particle_iterations += std::int64_t(volume_.size()) * report.iterations;
   statistics_.largest_residual = std::max(statistics_.largest_residual, report.residual);
 }
 

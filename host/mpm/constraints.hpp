@@ -31,13 +31,15 @@ class Constraints {
   struct Statistics {
     std::int64_t projections = 0, iterations = 0;
     double largest_residual = 0;
+    std::int64_t particles = 0, particle_iterations = 0;  ///< of all projections; times the iterations of each
 
     template <class Self, class Archive>
     static void list(Self& self, Archive& archive) {
-      archive(self.projections, self.iterations, self.largest_residual);
+      archive(self.projections, self.iterations, self.largest_residual, self.particles, self.particle_iterations);
     }
   };
   /// Since the last call.
+  const Statistics& statistics() const { return statistics_; }
   Statistics take_statistics() { return std::exchange(statistics_, {}); }
 
   /// What laws keep from step to step, where they can save it. Throws InputError if a law refuses what is restored.

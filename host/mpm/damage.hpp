@@ -56,7 +56,8 @@ class DamageEvolution {
       archive(self.solves, self.iterations, self.most_iterations, self.unconverged, self.active_blocks, self.steps);
     }
   };
-  /// Since the last call.
+  /// Since the last call of take_statistics().
+  const Statistics& statistics() const { return statistics_; }
   Statistics take_statistics();
 
   /// What is kept from step to step beside the particles, to be saved and restored.

@@ -30,8 +30,27 @@ struct SolveWork {
 double implicit_cost(const SolveWork&);
 double solve_cost(const SolveWork&);
 
+/// What a step of either integrator pays for beside the transfers and the solve, in parts of all particles.
+struct SharedWork {
+  double driven = 0;             ///< of which driving forces of damage are evaluated, once for each pass
+  double damaged = 0;            ///< that damage can reach, once for each pass
+  double damage_iterations = 0;  ///< of solves for damage, times the part of the particles they go over
+  double projected = 0;          ///< that are constrained, once for each projection
+  double projection_iterations = 0;
+
+  void operator+=(const SharedWork& o) {
+    driven += o.driven;
+    damaged += o.damaged;
+    damage_iterations += o.damage_iterations;
+    projected += o.projected;
+    projection_iterations += o.projection_iterations;
+  }
+};
+double shared_cost(const SharedWork&);
+
 /// The choice of integrator = "auto": the integrator that is predicted to cost less per simulated second. The unit is a
-/// symplectic step. It hangs on counts alone, never on a clock, so that a scene takes the same steps wherever it runs.
+/// symplectic step without damage and constraints; these are paid by steps of either kind, so that fewer of them save it. It
+/// hangs on counts alone, never on a clock, so that a scene takes the same steps wherever it runs.
 ///
 /// What an implicit step costs is known once one has been solved for. Those that are taken tell; while steps are symplectic, a
 /// trial tells from time to time, which leaves no trace. Trials cost at most a twentieth of the steps between them.
@@ -49,21 +68,24 @@ class IntegratorChoice {
   std::optional<std::string> choose(const Steps&, const Trial&);
   bool implicit() const { return implicit_; }
 
-  void took_symplectic_step() { since_trial_++; }
-  void took_implicit_step(const SolveWork&, double time_step);
+  void took_symplectic_step(const SharedWork& = {});
+  void took_implicit_step(const SolveWork&, double time_step, const SharedWork& = {});
 
   /// To be saved and restored.
   template <class Self, class Archive>
   static void list(Self& self, Archive& archive) {
-    archive(self.implicit_, self.told_, self.since_trial_, self.wait_, self.cost_, self.seconds_);
+    archive(self.implicit_, self.told_, self.since_trial_, self.wait_, self.cost_, self.seconds_, self.shared_, self.steps_);
   }
 
  private:
   void add(double cost, double time_step);
+  void share(const SharedWork&);
+  double shared_per_step() const { return steps_ > 0 ? shared_ / steps_ : 0; }
 
   bool implicit_ = false, told_ = false;
   double since_trial_ = 0, wait_ = 0;  ///< symplectic steps
   double cost_ = 0, seconds_ = 0;      ///< of implicit steps, sums that forget
+  double shared_ = 0, steps_ = 0;      ///< the same of shared costs, of all steps
 };
 
 }  // namespace cleave::mpm

@@ -191,6 +191,7 @@ class MpmSimulation final : public Simulation {
     const bool implicit = scene_.simulation.integrator == config::Integrator::implicit ||
                           (choice_.implicit() && dt > symplectic_step_ * (1 + 1e-9));
     work_ = {};
+    const Counted before = counted();
     drive_damage(dt);
     const int passes = any_evolution_ ? scene_.simulation.damage.passes : 1;
     std::vector<Buffer> start;
@@ -210,9 +211,38 @@ class MpmSimulation final : public Simulation {
     }
     integrators_[implicit ? "implicit" : "symplectic"]++;
     if (implicit)
-      choice_.took_implicit_step(work_, dt);
+      choice_.took_implicit_step(work_, dt, shared_since(before));
     else
-      choice_.took_symplectic_step();
+      choice_.took_symplectic_step(shared_since(before));
+  }
+
+  /// Of damage and constraints, so far.
+  struct Counted {
+    std::vector<typename DamageEvolution<T, D>::Statistics> damage;
+    typename Constraints<T, D>::Statistics constraints;
+  };
+  Counted counted() const {
+    Counted now;
+    for (const auto& d : damage_) now.damage.push_back(d ? d->statistics() : typename DamageEvolution<T, D>::Statistics());
+    if (constraints_) now.constraints = constraints_->statistics();
+    return now;
+  }
+  SharedWork shared_since(const Counted& before) const {
+    const Counted now = counted();
+    SharedWork work;
+    for (std::size_t s = 0; s < sets_.size(); s++) {
+      const auto &n = now.damage[s], &b = before.damage[s];
+      const auto passes = double(n.steps - b.steps);
+      if (passes == 0) continue;
+      const double part = double(sets_[s]->size()) / double(particle_count_), active = n.active_blocks - b.active_blocks;
+      work += {.driven = part * passes,
+               .damaged = part * active,
+               .damage_iterations = part * active / passes * double(n.iterations - b.iterations)};
+    }
+    const auto &n = now.constraints, &b = before.constraints;
+    work += {.projected = double(n.particles - b.particles) / double(particle_count_),
+             .projection_iterations = double(n.particle_iterations - b.particle_iterations) / double(particle_count_)};
+    return work;
   }
 
   /// Symplectically, in two halves where that turns out too large. What may turn out so is told from the grid: then, and only

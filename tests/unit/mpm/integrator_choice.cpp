@@ -41,6 +41,30 @@ TEST(IntegratorChoice, TakesWhatIsCheaperAndSaysWhy) {
   }
 }
 
+/// Damage and constraints are paid for in every step: where they are dear, an implicit step that costs twice the symplectic
+/// steps in its time is the cheaper one.
+TEST(IntegratorChoice, CountsWhatStepsOfBothKindsPay) {
+  const double cost = implicit_cost(work(30));
+  for (const double share : {0.0, 1.0}) {
+    const SharedWork shared{.driven = share, .damaged = share, .damage_iterations = 3 * share, .projected = share};
+    IntegratorChoice choice;
+    choice.choose(worth(cost / 2), always(work(30)));
+    EXPECT_FALSE(choice.implicit());
+    choice.took_symplectic_step(shared);
+    const auto text = choice.choose(worth(cost / 2), always(work(30)));
+    EXPECT_EQ(choice.implicit(), share > 0) << "at once: what it costs is known";
+    if (share > 0) {
+      EXPECT_THAT(text.value_or(""), HasSubstr("are for damage and constraints"));
+    }
+    for (int i = 0; i < 100 && choice.implicit(); i++) {  // as they end
+      choice.took_implicit_step(work(30), worth(cost / 2).implicit.seconds);
+      choice.choose(worth(cost / 2), always(work(30)));
+    }
+    EXPECT_FALSE(choice.implicit());
+  }
+  EXPECT_GT(shared_cost({.projected = 1, .projection_iterations = 4}), shared_cost({.projected = 1}));
+}
+
 TEST(IntegratorChoice, TriesNothingWhereThereIsNothingToGain) {
   IntegratorChoice choice;
   EXPECT_THAT(choice.choose(worth(implicit_cost(work(1))), unexpected).value_or(""), HasSubstr("at least"));
