@@ -1,3 +1,4 @@
+#include "app/advise_command.hpp"
 #include "app/bench_command.hpp"
 #include "app/check_command.hpp"
 #include "app/command_line.hpp"
@@ -105,6 +106,11 @@ int main(int argc, char** argv) {
   app::add_check_options(*check_cli, check);
   check_cli->callback([&] { status = app::check_command(check); });
 
+  app::AdviseOptions advise;
+  auto* advise_cli = cli.add_subcommand("advise", "Say what a scene would be better for, from bounds and recorded costs");
+  app::add_advise_options(*advise_cli, advise);
+  advise_cli->callback([&] { status = app::advise_command(advise, registry()); });
+
   app::StudyOptions study;
   auto* study_cli = cli.add_subcommand("study", "Speed against accuracy, and maps of stability, over many runs of a scene");
   app::add_study_options(*study_cli, study);
@@ -137,12 +143,12 @@ int main(int argc, char** argv) {
   manual_cli->callback([&] { fmt::print("{}", app::manual(cli)); });
 
   // Before the name of a command or after it; options take effect before any command runs.
-  for (CLI::App* command : {&cli, run_cli, point_cli, bench_cli, kernels_cli, steps_cli, check_cli, study_cli})
+  for (CLI::App* command : {&cli, run_cli, point_cli, bench_cli, kernels_cli, steps_cli, check_cli, advise_cli, study_cli})
     command->add_option_function<std::string>("--isa", plugins::force_isa,
                                               "Instruction set of kernels and plugins: x86-64-v2, x86-64-v3 or x86-64-v4 "
                                               "(default: the best one that CLEAVE_ISA or the processor allows)");
   for (CLI::App* command : {&cli, run_cli, validate_cli, plugins_cli, point_cli, bench_cli, kernels_cli, steps_cli, check_cli,
-                            study_cli, render_cli})
+                            advise_cli, study_cli, render_cli})
     app::add_trust_options(*command);
 
   try {

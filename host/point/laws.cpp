@@ -148,13 +148,17 @@ Laws make_laws(const LawChoice& choice, plugins::Registry& registry, std::vector
   config::Diagnostics diagnostics;
   const auto catalog = config::catalog_of(registry);
   config::ReadContext context{diagnostics, *catalog, {}, {}, 3};
-  Laws laws;
-  laws.precision = read_precision(choice.precision);
-  const config::Material material = read_material(choice, laws.precision, context);
+  const config::Precision precision = read_precision(choice.precision);
+  const config::Material material = read_material(choice, precision, context);
   const auto said = diagnostics.warnings();
   warnings.insert(warnings.end(), said.begin(), said.end());
+  return laws_of(material, precision, {.dimension = 3, .cell_size = choice.cell_size}, registry);
+}
 
-  plugins::Context surroundings{.dimension = 3, .cell_size = choice.cell_size};
+Laws laws_of(const config::Material& material, config::Precision precision, plugins::Context surroundings,
+             plugins::Registry& registry) {
+  Laws laws;
+  laws.precision = precision;
   laws.elasticity = instantiate(material.elasticity, registry, surroundings);
   const plugins::ElasticProbe probe(laws.elasticity);
   surroundings.isochoric = laws.elasticity.isochoric_response();

@@ -37,4 +37,7 @@ struct Laws {
 /// Throws InputError that names the option at fault. What is worth a warning is appended to `warnings`.
 Laws make_laws(const LawChoice&, plugins::Registry&, std::vector<std::string>& warnings);
 
+/// Those of a material of a scene; of its fibers only uniform ones are known at a point. Throws InputError.
+Laws laws_of(const config::Material&, config::Precision, plugins::Context surroundings, plugins::Registry&);
+
 }  // namespace cleave::point
