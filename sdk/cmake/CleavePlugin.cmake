@@ -83,6 +83,11 @@ function(cleave_add_plugin name)
   if(NOT arg_NO_INSTALL)
     install(TARGETS ${name} LIBRARY DESTINATION lib/cleave/plugins COMPONENT plugins)
     install(FILES ${arg_OUTPUT_DIRECTORY}/${name}.cleave.toml DESTINATION lib/cleave/plugins COMPONENT plugins)
+    # A manifest holds the size of its library, which is another once symbols are stripped.
+    install(CODE "if(CMAKE_INSTALL_DO_STRIP)
+  execute_process(COMMAND_ERROR_IS_FATAL ANY COMMAND \"$<TARGET_FILE:Cleave::cleave-manifest>\"
+    \"\$ENV{DESTDIR}\${CMAKE_INSTALL_PREFIX}/lib/cleave/plugins/$<TARGET_FILE_NAME:${name}>\")
+endif()" COMPONENT plugins)
     foreach(isa IN LISTS variants)
       install(TARGETS ${name}-${isa} LIBRARY DESTINATION lib/cleave/plugins/${isa} COMPONENT plugins)
     endforeach()

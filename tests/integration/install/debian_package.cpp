@@ -55,6 +55,13 @@ TEST_F(DebianPackage, RunsASceneThatItBrings) {
   EXPECT_TRUE(fs::exists(directory_ / "out/summary.json"));
 }
 
+// Packing strips libraries, whose manifests were written before.
+TEST_F(DebianPackage, BringsPluginsThatKeepToTheContract) {
+  const Outcome check = cleave("check --all --only abi.manifest");
+  EXPECT_EQ(check.status, 0) << check.output;
+  EXPECT_THAT(check.output, HasSubstr("/usr/lib/cleave/plugins/rankine.so"));
+}
+
 TEST_F(DebianPackage, BringsManualCompletionAndDocuments) {
   for (const char* file :
        {"share/man/man1/cleave.1.gz", "share/bash-completion/completions/cleave", "share/fish/vendor_completions.d/cleave.fish",
