@@ -5,6 +5,7 @@
 #include "output/atomic_file.hpp"
 #include "study/execute.hpp"
 #include "study/results.hpp"
+#include "study/scheduler.hpp"
 
 #include <fmt/format.h>
 #include <CLI/CLI.hpp>
@@ -96,6 +97,23 @@ void report(const Study& study, const Plan& plan, const StudyOptions& options, c
   std::fflush(stdout);
 }
 
+/// Whoever runs what is left; empty: this program.
+std::optional<study::Scheduler> scheduler_of(const StudyOptions& options) {
+  if (options.jobs == "slurm") return study::Scheduler::slurm;
+  if (options.jobs == "parallel") return study::Scheduler::parallel;
+  return std::nullopt;
+}
+
+/// A word for --jobs is right, or why it is not.
+std::string check_jobs(const std::string& text) {
+  int number = 0;
+  const auto [end, problem] = std::from_chars(text.data(), text.data() + text.size(), number);
+  const bool counts = problem == std::errc() && end == text.data() + text.size() && number >= 1 && number <= 1024;
+  return counts || text == "slurm" || text == "parallel"
+             ? ""
+             : "'" + text + "' is no number from 1 to 1024, and neither slurm nor parallel";
+}
+
 /// False if interrupted.
 bool one_study(const fs::path& file, const StudyOptions& options, const plugins::Registry& registry, const fs::path& out) {
   const Study study = study::load_study(file, options.values, *config::catalog_of(registry));
@@ -108,15 +126,29 @@ bool one_study(const fs::path& file, const StudyOptions& options, const plugins:
   }
   study::ExecuteOptions execute;
   execute.out = out;
-  execute.jobs = options.jobs;
+  const auto scheduler = scheduler_of(options);
+  if (!scheduler) execute.jobs = std::stoi(options.jobs);
   if (!options.collect)
     execute.runs = options.runs.empty() ? chosen(fmt::format("1:{}", plan.runs.size()), plan.runs.size())
                                         : chosen(options.runs, plan.runs.size());
-  std::size_t kept = 0;
-  for (const std::size_t i : execute.runs)
-    if (const auto record = study::read_record(study::record_of(out, plan.runs[i])))
-      kept += record->complete(study.repetitions, study.time_limit, study.instructions);
+  std::vector<std::size_t> left;
+  for (const std::size_t i : execute.runs) {
+    const auto record = study::read_record(study::record_of(out, plan.runs[i]));
+    if (!record || !record->complete(study.repetitions, study.time_limit, study.instructions)) left.push_back(i);
+  }
+  const std::size_t kept = execute.runs.size() - left.size();
   if (kept > 0) fmt::print("{} runs are finished already\n", kept);
+  if (scheduler && !left.empty()) {
+    const study::HandOver work{*scheduler, out, file, options.values, study.threads, left, options.machines};
+    fmt::print("{} runs go to {} by {}\n", left.size(), options.jobs, study::script_of(work).string());
+    std::fflush(stdout);
+    if (study::hand_over(work) == study::Executed::interrupted) {
+      fmt::print(stderr, "interrupted; {}the same command goes on with what is not finished\n",
+                 *scheduler == study::Scheduler::slurm ? "jobs that Slurm has go on, scancel ends them; later " : "");
+      return false;
+    }
+    execute.runs.clear();
+  }
   std::size_t finished = kept;
   execute.finished = [&](std::size_t index, const study::Record& record) {
     fmt::print("[{}/{}] {}: {}{}\n", ++finished, execute.runs.size(), plan.runs[index].what, word_of(record.outcome),
@@ -138,8 +170,14 @@ void add_study_options(CLI::App& cli, StudyOptions& options) {
   cli.add_option("--out", options.out,
                  "Directory for the results (default: out/<study name>; of several studies: the "
                  "directory of theirs)");
-  cli.add_option("--jobs", options.jobs, "Runs at a time; more than one disturb each other's times")
-      ->check(CLI::Range(1, 1024));
+  auto* jobs = cli.add_option("--jobs", options.jobs,
+                              "Runs at a time (default: 1; more disturb each other's times), or who runs them: slurm, as a job "
+                              "array, or parallel, GNU parallel")
+                   ->check(check_jobs);
+  cli.add_option("--sshlogin", options.machines,
+                 "With --jobs parallel: file of the machines that share the directory, as GNU parallel reads it")
+      ->check(CLI::ExistingFile)
+      ->needs(jobs);
   cli.add_option("--value", options.values, "A further value of an axis: axis=value (repeatable)")->allow_extra_args(false);
   auto* dry_run = cli.add_flag("--dry-run", options.dry_run, "List the runs with their numbers, and run none");
   auto* run = cli.add_option("--run", options.runs,
@@ -154,6 +192,9 @@ void add_study_options(CLI::App& cli, StudyOptions& options) {
 int study_command(const StudyOptions& options, const plugins::Registry& registry) {
   const bool several = options.studies.size() > 1;
   if (several && !options.values.empty()) throw InputError("--value: error: goes with one study");
+  if (!options.machines.empty() && options.jobs != "parallel") throw InputError("--sshlogin: error: goes with --jobs parallel");
+  if (!options.runs.empty() && scheduler_of(options))
+    throw InputError("--run: error: does not go with --jobs " + options.jobs + ", which picks the runs itself");
   for (const fs::path& file : options.studies) {
     const fs::path out = options.out.empty() ? fs::path("out") / file.stem()
                          : several           ? options.out / file.stem()

@@ -17,7 +17,8 @@ struct StudyOptions {
   std::vector<std::filesystem::path> studies;
   std::filesystem::path out;        ///< empty: out/<study name>; of several studies, the directory of their directories
   std::filesystem::path charts;     ///< empty: none copied
-  int jobs = 1;                     ///< runs at a time
+  std::string jobs = "1";           ///< runs at a time, or "slurm" or "parallel"
+  std::filesystem::path machines;   ///< of "parallel": file of its --sshloginfile; empty: this machine
   std::vector<std::string> values;  ///< "axis=value"
   bool dry_run = false;
   std::string runs;  ///< "3" or "3:7": these alone, without charts

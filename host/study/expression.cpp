@@ -49,12 +49,17 @@ std::vector<std::string> Expression::names_in(const Formula& formula) {
 }
 
 Expression::Expression(const Formula& formula, std::vector<std::string> names) : parser_(std::make_unique<Parser>()) {
-  for (const std::string& used : names_in(formula))
+  for (const std::string& used : names_in(formula)) {
+    if (std::count(names.begin(), names.end(), used) > 1)
+      throw problem(
+          formula,
+          "'" + used + "' is both an axis or a constant of the study and what a run writes: give the former " + "another name");
     if (std::find(names.begin(), names.end(), used) == names.end()) {
       std::sort(names.begin(), names.end());
       throw problem(formula, "there is no '" + used + "' here" +
                                  config::suggestion(used, names, "; there are: " + config::list_text(names)));
     }
+  }
   try {
     prepare(parser_->parser);
     parser_->values.assign(names.size(), 0);

@@ -13,7 +13,8 @@ namespace cleave::study {
 /// abs min max floor erf, pi.
 class Expression {
  public:
-  /// Throws InputError with the place in the study and what is wrong: the syntax, or a name that is not one of `names`.
+  /// Throws InputError with the place in the study and what is wrong: the syntax, or a name that is not one of `names`,
+  /// or is there twice.
   Expression(const Formula&, std::vector<std::string> names);
   ~Expression();
   Expression(Expression&&) noexcept;

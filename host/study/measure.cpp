@@ -76,6 +76,7 @@ class Reader {
     names.insert(names.end(), frame_columns().begin(), frame_columns().end());
     const auto expressions = parse(formulas, names);
     const FrameTable frames = read_frames(run / "frames.csv");
+    for (const Formula& formula : formulas) frames.require(formula);
     Sampled result{frames.column("time"), {}};
     for (const auto& row : frames.rows) {
       std::vector<double> values = constants_;

@@ -4,6 +4,7 @@
 #include "config/table_reader.hpp"
 #include "output/frame_table.hpp"
 #include "point/csv_table.hpp"
+#include "study/expression.hpp"
 
 #include <algorithm>
 #include <array>
@@ -69,10 +70,18 @@ const std::vector<std::string>& frame_columns() {
   static const std::vector<std::string> names = [] {
     auto columns = output::frame_columns();
     std::erase(columns, "limited_by");
+    columns.insert(columns.end(), {"pieces", "debris"});
     columns.push_back("t");
     return columns;
   }();
   return names;
+}
+
+void FrameTable::require(const Formula& formula) const {
+  for (const std::string& name : Expression::names_in(formula))
+    if (std::find(absent.begin(), absent.end(), name) != absent.end())
+      throw InputError(config::error_at(formula.where) + "frames.csv of this run has no column '" + name +
+                       "': no body has a law of damage, and output.attributes does not ask for \"piece\"");
 }
 
 std::vector<double> FrameTable::column(const std::string& name) const {
@@ -86,6 +95,8 @@ std::vector<double> FrameTable::column(const std::string& name) const {
 FrameTable read_frames(const std::filesystem::path& file) {
   const point::CsvTable table = point::CsvTable::read(file);
   FrameTable frames;
+  for (const std::string& name : frame_columns())
+    if (!table.column(name == "t" ? "time" : name)) frames.absent.push_back(name);
   for (const auto& row : table.rows()) {
     frames.rows.emplace_back();
     for (const std::string& name : frame_columns()) {

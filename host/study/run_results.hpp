@@ -8,13 +8,17 @@
 
 namespace cleave::study {
 
-/// Names that expressions over frames may use: the columns of frames.csv that hold numbers, and t for the time.
+/// Names that expressions over frames may use: the columns of frames.csv that hold numbers, also those that only some scenes
+/// have, and t for the time.
 const std::vector<std::string>& frame_columns();
 
 /// frames.csv of a run. What is not finite stays so.
 struct FrameTable {
   std::vector<std::vector<double>> rows;  ///< in the order of frame_columns()
+  std::vector<std::string> absent;        ///< those that this run has not written
 
+  /// Throws InputError where a formula needs a column that is absent.
+  void require(const Formula&) const;
   std::vector<double> column(const std::string& name) const;
 };
 FrameTable read_frames(const std::filesystem::path&);

@@ -19,6 +19,7 @@ std::vector<double> evaluate(const Formula& formula, const Study& study, const s
   auto names = study.names();
   names.insert(names.end(), frame_columns().begin(), frame_columns().end());
   const Expression expression(formula, names);
+  frames.require(formula);
   std::vector<double> results;
   for (const auto& row : frames.rows) {
     std::vector<double> values = constants;

@@ -200,6 +200,67 @@ TEST_F(StudyCommand, RunsPointsOneByOneAndCollectsThem) {
   EXPECT_NE(beyond.err.find("this study has the runs 1 to 6"), std::string::npos) << beyond.err;
 }
 
+TEST_F(StudyCommand, HandsItsRunsToGnuParallelAndCollectsThem) {
+  if (std::system("command -v parallel >/dev/null 2>&1") != 0) GTEST_SKIP() << "GNU parallel is not installed";
+  ASSERT_EQ(cleave("study study.toml --out out --run 2").status, 0);
+  const auto before = records();
+  const Outcome run = cleave("study study.toml --out out --jobs parallel");
+  ASSERT_EQ(run.status, 0) << run.err;
+  EXPECT_EQ(records().size(), 6u);
+  for (const auto& [key, time] : before) EXPECT_EQ(records().at(key), time) << "was finished already";
+  EXPECT_NE(contents(directory / "out/parallel.sh").find("::: 1 3 4 5 6\n"), std::string::npos);
+  EXPECT_EQ(table(directory / "out/results.csv").at("outcome"), std::vector<std::string>(6, "done"));
+
+  // machines of a file; ":" is this one without ssh
+  write("machines", "1/:\n");
+  ASSERT_EQ(cleave("study study.toml --out other --value step=8e-3 --jobs parallel --sshlogin machines").status, 0);
+  EXPECT_EQ(table(directory / "other/results.csv").at("outcome"), std::vector<std::string>(8, "done"));
+}
+
+TEST_F(StudyCommand, HandsItsRunsToSlurmAsAnArrayAndCollectsThem) {
+  // what sbatch --wait does, one task after the other
+  fs::create_directory(directory / "bin");
+  write("bin/sbatch", R"sh(#!/bin/bash
+[ "$1" = --wait ] && cd "${2#--chdir=}" || exit 9
+array=$(sed -n 's/^#SBATCH --array=//p' "$3")
+bash -n "$3" || exit 8
+for part in ${array//,/ }; do
+  for task in $(seq "${part%-*}" "${part#*-}"); do SLURM_ARRAY_TASK_ID=$task sh "$3" > "slurm_$task.txt" || exit 1; done
+done
+)sh");
+  fs::permissions(directory / "bin/sbatch", fs::perms::owner_all);
+  const std::string path = "PATH=" + (directory / "bin").string() + ":$PATH ";
+  ASSERT_EQ(cleave("study study.toml --out out --run 4").status, 0);
+  const Outcome run = cleave("study study.toml --out out --jobs slurm", path);
+  ASSERT_EQ(run.status, 0) << run.err;
+  EXPECT_NE(run.out.find("5 runs go to slurm"), std::string::npos) << run.out;
+  EXPECT_NE(contents(directory / "out/slurm.sh").find("#SBATCH --array=1-3,5-6\n"), std::string::npos);
+  EXPECT_EQ(table(directory / "out/results.csv").at("outcome"), std::vector<std::string>(6, "done"));
+
+  write("bin/sbatch", "#!/bin/sh\necho 'sbatch: error: invalid partition specified'\nexit 1\n");
+  const Outcome refused = cleave("study study.toml --out other --jobs slurm", path);
+  EXPECT_EQ(refused.status, 2);
+  EXPECT_NE(refused.err.find("invalid partition specified"), std::string::npos) << refused.err;
+  EXPECT_EQ(cleave("study study.toml --out other --jobs condor").status, 2);
+  EXPECT_EQ(cleave("study study.toml --out other --jobs slurm --run 2").status, 2);
+}
+
+TEST_F(StudyCommand, ComparesColumnsThatOnlySomeRunsWrite) {
+  std::string text = contents(directory / "study.toml");
+  text.replace(text.find("value = ["), std::string("value = [\"momentum_x / mass\", \"momentum_y / mass\"]").size(),
+               "value = \"pieces\"");
+  text.replace(text.find("formula = ["), text.find("norm") - text.find("formula = ["), "formula = \"1 + 0 * t\"\n");
+  write("pieces.toml", text);
+  const Outcome none = cleave("study pieces.toml --out out");
+  EXPECT_EQ(none.status, 2);
+  EXPECT_NE(none.err.find("has no column 'pieces'"), std::string::npos) << none.err;
+  write("scene.toml", std::string(scene).replace(std::string(scene).find("[[body]]"), 0,
+                                                 "damage = { plugin = \"rankine\", failure_stress = 1e9, softening = 0.1 }\n"));
+  const Outcome whole = cleave("study pieces.toml --out whole");
+  ASSERT_EQ(whole.status, 0) << whole.err;
+  for (const std::string& error : table(directory / "whole/results.csv").at("error")) EXPECT_EQ(std::stod(error), 0);
+}
+
 TEST_F(StudyCommand, TakesEveryEndOfAPointAsAResult) {
   write("ends.toml", R"toml(
 scene = "scene.toml"
@@ -340,6 +401,18 @@ title = "a cell per wave"
   const auto reported = results().at("boundaries");
   EXPECT_NEAR(reported[1].at("predicted").get<double>(), boundaries[1].at("predicted").get<double>(),
               0.3 * boundaries[1].at("predicted").get<double>());
+}
+
+TEST_F(StudyCommand, RefusesNamesThatMeanTwoThings) {
+  write("twice.toml", std::string(study) + "[constants]\nmass = 2\n");
+  const Outcome column = cleave("study twice.toml --out out");
+  EXPECT_EQ(column.status, 2);
+  EXPECT_NE(column.err.find("'momentum_x / mass': 'mass' is both an axis or a constant of the study and what a run writes"),
+            std::string::npos)
+      << column.err;
+  EXPECT_FALSE(fs::exists(directory / "out")) << "before anything is run";
+  write("unused.toml", std::string(study) + "[constants]\nkinetic_energy = 2\n");
+  EXPECT_EQ(cleave("study unused.toml --dry-run").status, 0) << "no formula uses it";
 }
 
 TEST_F(StudyCommand, ReportsWhatIsWrongWithItsFile) {
