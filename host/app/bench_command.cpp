@@ -1,6 +1,7 @@
 #include "app/bench_command.hpp"
 
 #include "bench/gnuplot.hpp"
+#include "bench/halo.hpp"
 #include "bench/report.hpp"
 #include "bench/step_report.hpp"
 #include "common/error.hpp"
@@ -98,6 +99,15 @@ bool varies(const std::vector<T>& values) {
   return std::adjacent_find(values.begin(), values.end(), std::not_equal_to<T>()) != values.end();
 }
 
+config::Scene read_scene(const std::filesystem::path& file, const std::vector<std::string>& sets, plugins::Registry& registry) {
+  std::vector<config::Override> overrides;
+  for (const auto& set : sets) overrides.push_back(config::parse_override(set));
+  std::vector<std::string> warnings;
+  config::Scene scene = config::load_scene(file, overrides, registry, &warnings);
+  for (const auto& warning : warnings) fmt::print(stderr, "{}\n", warning);
+  return scene;
+}
+
 bench::StepResults measure(const BenchStepsOptions& options, plugins::Registry& registry) {
   constexpr const char* wanted = "needs several --threads, or several --particles of a block";
   if (!options.scene.empty()) {
@@ -107,11 +117,7 @@ bench::StepResults measure(const BenchStepsOptions& options, plugins::Registry& 
     only_blocks("--particles", !options.particles.empty());
     only_blocks("--materials", !options.materials.empty());
     only_blocks("--dimension", options.dimension.has_value());
-    std::vector<config::Override> overrides;
-    for (const auto& set : options.sets) overrides.push_back(config::parse_override(set));
-    std::vector<std::string> warnings;
-    const config::Scene scene = config::load_scene(options.scene, overrides, registry, &warnings);
-    for (const auto& warning : warnings) fmt::print(stderr, "{}\n", warning);
+    const config::Scene scene = read_scene(options.scene, options.sets, registry);
     const auto sampling = to_sampling(options, scene.simulation.precision);
     if (options.chart && !varies(sampling.threads)) refuse("--chart", wanted);
     return bench::measure_steps(scene, sampling, registry);
@@ -197,6 +203,30 @@ int bench_steps_command(const BenchStepsOptions& options, plugins::Registry& reg
   std::fputs((options.markdown ? bench::markdown_text(results) : bench::table_text(results)).c_str(), stdout);
   if (options.json) write(*options.json, bench::json_text(results));
   if (options.chart) write(*options.chart, bench::chart_svg(results));
+  return 0;
+}
+
+void add_bench_halo_options(CLI::App& cli, BenchHaloOptions& options) {
+  cli.add_option("scene", options.scene, "Scene file (TOML)")->required();
+  cli.add_option("--parts", options.parts, "Numbers of parts, separated by commas (default: 2,4,8,16,32,64)")
+      ->delimiter(',')
+      ->allow_extra_args(false)
+      ->check(CLI::Range(2, 4096));
+  cli.add_option("--samples", options.samples, "Instants that are looked at")
+      ->check(CLI::Range(1, 1000))
+      ->capture_default_str();
+  cli.add_option("--steps", options.steps, "Steps between a division and the look at what has left its part")
+      ->check(CLI::Range(1, 100000))
+      ->capture_default_str();
+  cli.add_option("--set", options.sets, "Change a value: path=value (repeatable)")->allow_extra_args(false);
+  cli.add_flag("--markdown", options.markdown, "Print a Markdown table");
+}
+
+int bench_halo_command(const BenchHaloOptions& options, plugins::Registry& registry) {
+  bench::HaloOptions halo{.samples = options.samples, .steps = options.steps};
+  if (!options.parts.empty()) halo.parts = options.parts;
+  const auto results = bench::measure_halo(read_scene(options.scene, options.sets, registry), halo, registry);
+  std::fputs((options.markdown ? bench::halo_markdown(results) : bench::halo_text(results)).c_str(), stdout);
   return 0;
 }
 

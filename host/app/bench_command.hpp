@@ -37,14 +37,26 @@ struct BenchStepsOptions {
   std::optional<std::filesystem::path> json, chart;
 };
 
-/// Declares the options of `cleave bench kernels` and `cleave bench steps`.
+struct BenchHaloOptions {
+  std::filesystem::path scene;
+  std::vector<int> parts;  ///< empty: 2 to 64
+  int samples = 8, steps = 20;
+  std::vector<std::string> sets;
+  bool markdown = false;
+};
+
+/// Declares the options of `cleave bench kernels`, `cleave bench steps` and `cleave bench halo`.
 void add_bench_options(CLI::App&, BenchOptions&);
 void add_bench_steps_options(CLI::App&, BenchStepsOptions&);
+void add_bench_halo_options(CLI::App&, BenchHaloOptions&);
 
 /// `cleave bench kernels`. Returns the exit status, 0. Throws InputError.
 int bench_command(const BenchOptions&, plugins::Registry&);
 
 /// `cleave bench steps`. Returns the exit status, 0. Throws InputError and SimulationError.
 int bench_steps_command(const BenchStepsOptions&, plugins::Registry&);
+
+/// `cleave bench halo`. Returns the exit status, 0. Throws InputError and SimulationError.
+int bench_halo_command(const BenchHaloOptions&, plugins::Registry&);
 
 }  // namespace cleave::app
