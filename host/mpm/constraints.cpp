@@ -145,7 +145,8 @@ void Constraints<T, D>::mark(const std::vector<HeldNode>& held) {
 
 template <class T, int D>
 void Constraints<T, D>::collect_particles(const Grid<T, D>& grid, const Particles<T, D>& particles) {
-  constexpr int edge = GridShape<D>::block_edge, block_nodes = GridShape<D>::block_nodes, last = D == 3 ? 3 : 1;
+  constexpr std::uint32_t edge = GridShape<D>::block_edge;
+  constexpr int block_nodes = GridShape<D>::block_nodes, last = D == 3 ? 3 : 1;
   const TileLayout& l = particles.layout();
   const std::size_t count = particles.size();
   position_.resize(count * D);
@@ -177,24 +178,25 @@ void Constraints<T, D>::collect_particles(const Grid<T, D>& grid, const Particle
       for (std::uint32_t i = 0; i < blocks[b].count; i++) {
         const std::uint64_t slot = blocks[b].first_tile * Particles<T, D>::lanes + i;
         const std::size_t p = first[b] + i;
-        int base[3] = {0, 0, 0};  // counted from the first node of the block before
+        // Of each axis: the blocks and the place in them of three nodes, counted from the first node of the block before
+        std::uint32_t neighbour[3][3] = {}, inside[3][3] = {};
         for (int a = 0; a < D; a++) {
           // The first node as the transfers find it; in double precision a position beside a boundary could find another.
           const T x = particles.value(l.position, a, slot), start = std::floor(x - T(0.5));
-          base[a] = int(start) + edge;
-          const double inside = std::clamp(double(x) - double(start), 0.5, 1.5 - position_rounding);
-          position_[p * D + a] = double(blocks[b].coordinate[a]) * edge + double(start) + inside;
+          const std::uint32_t base = std::uint32_t(int(start) + int(edge));
+          for (std::uint32_t k = 0; k < 3; k++) {
+            neighbour[a][k] = (base + k) / edge * (a + 1 == D ? 1 : a + 2 == D ? 3 : 9);
+            inside[a][k] = (base + k) % edge * (a + 1 == D ? 1 : a + 2 == D ? edge : edge * edge);
+          }
+          const double within = std::clamp(double(x) - double(start), 0.5, 1.5 - position_rounding);
+          position_[p * D + a] = double(blocks[b].coordinate[a]) * edge + double(start) + within;
         }
-        const auto node = [&](int x, int y, int z) {
-          const int neighbour = D == 3 ? (x / edge) * 9 + (y / edge) * 3 + z / edge : (x / edge) * 3 + y / edge;
-          const int inside = D == 3 ? ((x % edge) * edge + y % edge) * edge + z % edge : (x % edge) * edge + y % edge;
-          return std::size_t(blocks[b].neighbours[neighbour]) * block_nodes + std::size_t(inside);
-        };
         std::uint64_t* to = nodes_.data() + p * stencil;
         for (int x = 0; x < 3; x++)
           for (int y = 0; y < 3; y++)
             for (int z = 0; z < last; z++) {
-              const std::size_t n = node(base[0] + x, base[1] + y, base[2] + z);
+              const std::uint32_t block = blocks[b].neighbours[neighbour[0][x] + neighbour[1][y] + neighbour[2][z]];
+              const std::size_t n = std::size_t(block) * block_nodes + (inside[0][x] + inside[1][y] + inside[2][z]);
               std::atomic_ref(reached_[n]).store(1, std::memory_order_relaxed);
               *to++ = n;
             }

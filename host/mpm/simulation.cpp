@@ -245,23 +245,31 @@ class MpmSimulation final : public Simulation {
     return work;
   }
 
-  /// Symplectically, in two halves where that turns out too large. What may turn out so is told from the grid: then, and only
-  /// then, particles are kept as they were. Damage has evolved by the whole step already.
+  /// Symplectically, in two halves where that turns out too large. Damage has evolved by the whole step already.
   void move(double start, double dt, bool trial, int halvings) {
     StepView view = step_view(start, dt);
     particles_to_grid(view, true);
     update_grid(view);
     if (constraints_) apply_constraints(view);
-    if (!may_be_too_large(dt) || halvings == 0) {
+    if (moved(view, trial, halvings)) return;
+    move(start, dt / 2, trial, halvings - 1);
+    if (needs_sort_) sort();
+    move(start + dt / 2, dt / 2, trial, halvings - 1);
+  }
+
+  /// Grid to particles, or false and they are as they were: the step is too large. What may turn out so is told from the grid:
+  /// then, and only then, particles are kept.
+  bool moved(StepView view, bool trial, int halvings) {
+    if (!may_be_too_large(view.time_step) || halvings == 0) {
       grid_to_particles(view, trial);
-      return;
+      return true;
     }
     std::vector<Buffer> before;
     keep(before, false);
     const bool unsorted = needs_sort_;
     if (!scene_.simulation.time_step) view.least_volume_ratio = least_volume_ratio;
     const auto too_large = grid_to_particles(view, trial, true);
-    if (!too_large) return;
+    if (!too_large) return true;
     restore(before, false);
     needs_sort_ = unsorted;
     failed_batches_.clear();
@@ -270,11 +278,9 @@ class MpmSimulation final : public Simulation {
       halved_steps_++;
       if (!std::exchange(warned_halved_, true))
         spdlog::warn("step {} at t = {:.6g} s: {}; it is taken in halves. Said once: frames.csv counts halved_steps", steps_,
-                     start, *too_large);
+                     view.start, *too_large);
     }
-    move(start, dt / 2, trial, halvings - 1);
-    if (needs_sort_) sort();
-    move(start + dt / 2, dt / 2, trial, halvings - 1);
+    return false;
   }
 
   /// Whether this step might turn out too large, by what the grid says.
@@ -289,18 +295,23 @@ class MpmSimulation final : public Simulation {
     return strain > harmless_strain;
   }
 
-  /// With velocities that are solved for, in two halves where there is no solution. Solving moves no particle.
+  /// With velocities that are solved for, in two halves where there is no solution, or where constraints make of it what turns
+  /// matter inside out: the solve guards against that, their projection does not.
   void move_implicitly(double start, double dt, bool trial, int halvings) {
     StepView view = step_view(start, dt);
     particles_to_grid(view, false);
-    if (!solve_grid(view, halvings == 0)) {
-      move_implicitly(start, dt / 2, trial, halvings - 1);
-      if (needs_sort_) sort();
-      move_implicitly(start + dt / 2, dt / 2, trial, halvings - 1);
-      return;
+    if (solve_grid(view, halvings == 0)) {
+      if (constraints_) {
+        apply_constraints(view);
+        if (moved(view, trial, halvings)) return;
+      } else {
+        grid_to_particles(view, trial);
+        return;
+      }
     }
-    if (constraints_) apply_constraints(view);
-    grid_to_particles(view, trial);
+    move_implicitly(start, dt / 2, trial, halvings - 1);
+    if (needs_sort_) sort();
+    move_implicitly(start + dt / 2, dt / 2, trial, halvings - 1);
   }
 
   StepView step_view(double start, double dt) const {

@@ -70,7 +70,7 @@ class FiberRows {
     for (std::size_t k = 0; k < of_fiber.size(); ++k)
       if (of_fiber[k] != no_key) members[at[row_of_key[of_fiber[k]]]++] = std::uint32_t(k / parts);
 
-    projection.add_rows(rows, width, [&](std::size_t i, cleave::Projection::RowWriter& out) {
+    projection.add_rows(rows, reach(), [&](std::size_t i, cleave::Projection::RowWriter& out) {
       write_row(places, keys[i], {members.data() + begin[i], members.data() + begin[i + 1]}, rate, out);
     });
   }
@@ -78,7 +78,7 @@ class FiberRows {
  private:
   static constexpr std::uint32_t no_row = ~std::uint32_t(0);
   static constexpr std::uint64_t no_key = ~std::uint64_t(0), no_node = no_key;
-  static constexpr unsigned stencil = D == 3 ? 27 : 9, width = D == 3 ? 64 : 16;
+  static constexpr unsigned stencil = D == 3 ? 27 : 9, width = D == 3 ? 64 : 16, staggered_width = D == 3 ? 36 : 12;
   struct Fiber {
     std::uint64_t particle;
     std::array<double, 3> direction;
@@ -157,6 +157,8 @@ class FiberRows {
     return unsigned(std::max_element(parts.begin(), parts.end()) - parts.begin());
   }
 
+  /// Nodes of a row.
+  unsigned reach() const { return multipliers_ == Multipliers::centred ? width : staggered_width; }
   bool linear_along(unsigned k, unsigned axis) const { return multipliers_ == Multipliers::centred || k == axis; }
 
   /// The node by which a row is known: where Gamma is linear, at the lower corner of the cell; where it is constant, in the
@@ -230,7 +232,7 @@ class FiberRows {
     out.row.correction = -rate * strain;
     // In halves of a cell: the rows of different axes are at different places.
     for (unsigned k = 0; k < D; ++k) out.row.cell[k] = 2 * cell[k] + (extent[k] == 4);
-    for (unsigned n = 0; n < width; ++n)
+    for (unsigned n = 0; n < reach(); ++n)
       if (std::any_of(value[n].begin(), value[n].end(), [](double b) { return b != 0; })) {
         std::array<double, 3> coefficients{};
         std::copy(value[n].begin(), value[n].end(), coefficients.begin());
