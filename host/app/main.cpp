@@ -152,12 +152,13 @@ int main(int argc, char** argv) {
   manual_cli->callback([&] { fmt::print("{}", app::manual(cli)); });
 
   // Before the name of a command or after it; options take effect before any command runs.
-  for (CLI::App* command : {&cli, run_cli, point_cli, bench_cli, kernels_cli, steps_cli, halo_cli, check_cli, advise_cli, study_cli})
+  for (CLI::App* command :
+       {&cli, run_cli, point_cli, bench_cli, kernels_cli, steps_cli, halo_cli, check_cli, advise_cli, study_cli})
     command->add_option_function<std::string>("--isa", plugins::force_isa,
                                               "Instruction set of kernels and plugins: x86-64-v2, x86-64-v3 or x86-64-v4 "
                                               "(default: the best one that CLEAVE_ISA or the processor allows)");
-  for (CLI::App* command : {&cli, run_cli, validate_cli, plugins_cli, point_cli, bench_cli, kernels_cli, steps_cli, halo_cli, check_cli,
-                            advise_cli, study_cli, render_cli})
+  for (CLI::App* command : {&cli, run_cli, validate_cli, plugins_cli, point_cli, bench_cli, kernels_cli, steps_cli, halo_cli,
+                            check_cli, advise_cli, study_cli, render_cli})
     app::add_trust_options(*command);
 
   try {
