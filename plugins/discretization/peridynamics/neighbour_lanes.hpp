@@ -93,7 +93,7 @@ CLEAVE_INLINE Four<S> load_neighbours(const S* points, const std::uint16_t* n) {
 CLEAVE_INLINE Lanes<float> from_integer(detail::Int32Vector i) {
   return Lanes<float>(__builtin_convertvector(i, detail::FloatVector));
 }
-CLEAVE_INLINE detail::Int32Vector integer_bits(Lanes<float> x) { return reinterpret_cast<detail::Int32Vector>(x.native); }
+CLEAVE_INLINE detail::Uint32Vector integer_bits(Lanes<float> x) { return reinterpret_cast<detail::Uint32Vector>(x.native); }
 
 /// As many numbers of 16 bits as there are lanes.
 template <class S>

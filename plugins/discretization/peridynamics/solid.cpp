@@ -20,7 +20,8 @@ double dot(const Vector& a, const Vector& b) { return a[0] * b[0] + a[1] * b[1] 
 double length(const Vector& v) { return std::sqrt(v[0] * v[0] + v[1] * v[1] + v[2] * v[2]); }
 
 /// How the kernel holds positions. Single: whole numbers of a small unit, whose differences are exact however far from the
-/// origin; they wrap around at 16 horizons, where no bond reaches. Differences of j and i and of i and j are opposite.
+/// origin; they wrap around at 16 horizons, where no bond reaches. Differences of j and i and of i and j are opposite. They
+/// are taken of unsigned numbers, which may wrap around.
 template <class S>
 struct Place;
 template <>
@@ -30,9 +31,11 @@ struct Place<float> {
     const double scaled = x * per_unit;
     return std::bit_cast<float>(std::abs(scaled) < 9e18 ? std::int32_t(std::int64_t(std::nearbyint(scaled))) : 0);
   }
-  using Own = std::int32_t;
-  static Own own(float place) { return std::bit_cast<std::int32_t>(place); }
-  static CLEAVE_INLINE Lanes<float> difference(Lanes<float> place, Own own) { return from_integer(integer_bits(place) - own); }
+  using Own = std::uint32_t;
+  static Own own(float place) { return std::bit_cast<Own>(place); }
+  static CLEAVE_INLINE Lanes<float> difference(Lanes<float> place, Own own) {
+    return from_integer(reinterpret_cast<detail::Int32Vector>(integer_bits(place) - own));
+  }
 };
 template <>
 struct Place<double> {

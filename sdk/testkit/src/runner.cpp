@@ -37,11 +37,12 @@ void finish(Shared& shared, Verdict verdict, const std::string& reason) {
 /// What is to be done in the child: returns if it went well.
 using Action = std::function<void(Shared&)>;
 
-void child(const Action& action, Shared& shared) {
+void child(const Action& action, Shared& shared, const Options& options) {
   setpgid(0, 0);
-  // Whatever a plugin prints is no part of the report.
+  // Whatever a plugin prints is no part of the report. To see why a case fails it is: what sanitizers find, say.
   const int nowhere = open("/dev/null", O_RDWR);
-  for (int stream : {0, 1, 2}) dup2(nowhere, stream);
+  for (int stream : {0, 1}) dup2(nowhere, stream);
+  if (!options.reproduce) dup2(nowhere, 2);
   try {
     action(shared);
     finish(shared, Verdict::passed, "");
@@ -79,12 +80,12 @@ std::string seconds_text(double seconds) {
 }
 
 /// Runs the action in a child of its own; `shared` holds the verdict whatever became of the child.
-void isolated(const Action& action, Shared& shared, double time_limit) {
+void isolated(const Action& action, Shared& shared, const Options& options) {
   std::fflush(nullptr);
   const pid_t process = fork();
   if (process < 0) throw std::runtime_error("cannot start a process for the check");
-  if (process == 0) child(action, shared);
-  const std::optional<int> status = wait_for(process, time_limit);
+  if (process == 0) child(action, shared, options);
+  const std::optional<int> status = wait_for(process, options.time_limit);
   kill(-process, SIGKILL);  // and processes it may have started
   if (!status) {
     kill(process, SIGKILL);
@@ -94,7 +95,7 @@ void isolated(const Action& action, Shared& shared, double time_limit) {
   shared.doing[sizeof shared.doing - 1] = '\0';
   std::string what;
   if (!status)
-    what = "did not end within " + seconds_text(time_limit);
+    what = "did not end within " + seconds_text(options.time_limit);
   else if (WIFSIGNALED(*status))
     what = std::string("crashed: ") + strsignal(WTERMSIG(*status));
   else
@@ -227,7 +228,7 @@ void probe(const Options& options, Shared& probed) {
         copy(shared.id, plugin.id());
         shared.kind = plugin.kind();
       },
-      probed, options.time_limit);
+      probed, options);
 }
 }  // namespace
 
@@ -271,7 +272,7 @@ Report run_checks(const Options& options, const std::vector<std::string>& ids) {
             auto* context = new Context(options, check, shared);
             check->run(*context);
           },
-          *memory, options.time_limit);
+          *memory, options);
       result.verdict = (*memory).verdict;
       result.reason = (*memory).reason;
       result.reproduction = (*memory).reproduction;

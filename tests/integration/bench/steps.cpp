@@ -1,3 +1,4 @@
+#include "../../sanitized.hpp"
 #include "program.hpp"
 
 #include <numeric>
@@ -236,6 +237,7 @@ TEST_F(BenchSteps, TheInstructionSetCanBeNamedAnywhereOnTheCommandLine) {
   EXPECT_EQ(isa("--isa x86-64-v2 bench steps" + rest), "baseline");
   EXPECT_EQ(isa("bench --isa x86-64-v2 steps" + rest), "baseline");
   EXPECT_EQ(isa("bench steps --isa x86-64-v2" + rest), "baseline");
+  if (sanitized) GTEST_SKIP() << "built for one instruction set";
   if (!processor_has("x86-64-v3")) GTEST_SKIP() << "this processor has no AVX2";
   EXPECT_EQ(isa("bench steps --isa x86-64-v3" + rest), "x86-64-v3");
   EXPECT_EQ(isa("bench steps --isa x86-64-v3" + rest, "CLEAVE_ISA=x86-64-v2"), "x86-64-v3") << "what is said last holds";
@@ -250,6 +252,7 @@ TEST_F(BenchSteps, TheInstructionSetCanBeNamedAnywhereOnTheCommandLine) {
 }
 
 TEST_F(BenchSteps, ChecksAreMadeOfTheBuildForTheInstructionSetThatIsNamed) {
+  if (sanitized) GTEST_SKIP() << "built for one instruction set";
   if (!processor_has("x86-64-v3")) GTEST_SKIP() << "this processor has no AVX2";
   const std::string check = "check elasticity/qr --only abi.loads";
   EXPECT_EQ(cleave(check).out.find("x86-64-v3"), std::string::npos);

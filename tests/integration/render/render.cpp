@@ -1,3 +1,4 @@
+#include "../../sanitized.hpp"
 #include "program.hpp"
 #include "render/image.hpp"
 #include "render/movie.hpp"
@@ -115,6 +116,7 @@ TEST_F(Render, SaysWhatIsWrong) {
     EXPECT_EQ(o.status, 2) << arguments;
     EXPECT_THAT(o.err, HasSubstr(message)) << arguments;
   }
+  if (sanitized) return;  // OpenVDB asks for more memory than there is, which AddressSanitizer takes for an error
   fs::resize_file(directory / "run/points/frame_0002.vdb", 1000);
   const Outcome damaged = cleave("render run --size 64x64 --samples 1");
   EXPECT_EQ(damaged.status, 2);

@@ -130,8 +130,11 @@ formats = ["vtp"]
 )";
 
 TEST_F(Report, ShowsWhyARunFailed) {
-  write("scene.toml", block);
-  ASSERT_EQ(cleave("run scene.toml --out run --set simulation.time_step=0.05").status, 3);
+  write("scene.toml", block + std::string("[[collider]]\nshape = { type = \"half-space\", normal = [0, 1] }\n"));
+  ASSERT_EQ(cleave("run scene.toml --out run --set simulation.time_step=2e-3 --set 'body.block.velocity=[0,-50]' "
+                   "--set material.rubber.elasticity.youngs_modulus=1e9")
+                .status,
+            3);
   const Json data = report("run", "run/report.html");
   EXPECT_EQ(data["state"], "failed");
   EXPECT_EQ(data["failure"], contents(directory / "run/failure.txt"));

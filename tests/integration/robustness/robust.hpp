@@ -1,5 +1,6 @@
 #pragma once
 
+#include "../../sanitized.hpp"
 #include "program.hpp"
 
 namespace cleave::test {
@@ -25,12 +26,8 @@ formats = ["ply"]
 
 class Robust : public Program {
  protected:
-  /// What comes before a command that is to get no more address space than this. Sanitizers reserve terabytes of it.
-#if defined(__SANITIZE_ADDRESS__) || defined(__SANITIZE_THREAD__)
-  static constexpr bool memory_can_be_limited = false;
-#else
-  static constexpr bool memory_can_be_limited = true;
-#endif
+  static constexpr bool memory_can_be_limited = !sanitized;
+  /// What comes before a command that is to get no more address space than this.
   static std::string with_kilobytes(long limit) {
     return memory_can_be_limited ? "ulimit -v " + std::to_string(limit) + ";" : "";
   }

@@ -370,7 +370,7 @@ void rotations(Context& context, const Law& law, Random& random) {
 
 bool same_bits(const Driven& a, const Driven& b) {
   return std::memcmp(&a.value, &b.value, sizeof a.value) == 0 &&
-         std::memcmp(a.state.data(), b.state.data(), a.state.size() * sizeof(double)) == 0;
+         (a.state.empty() || std::memcmp(a.state.data(), b.state.data(), a.state.size() * sizeof(double)) == 0);
 }
 
 /// A law may leave out what cannot matter where no point of a tile needs it. Points that nothing drives, alone and among
