@@ -1,6 +1,7 @@
 // Every check fails for a plugin that breaks its requirement, and for that alone: the matrix of checks and broken plugins.
 #include <cleave/testkit/runner.hpp>
 
+#include "../../sanitized.hpp"
 #include "kit/broken.hpp"
 
 #include <gtest/gtest.h>
@@ -52,6 +53,10 @@ class BrokenPlugin : public testing::TestWithParam<Defect> {};
 
 TEST_P(BrokenPlugin, FailsTheChecksOfItsDefectAndNoOthers) {
   const Defect& defect = GetParam();
+  // Memory that is lost is not seen where memory that is given back is kept, too; what is used after that fails all checks.
+  const std::string name = defect.name;
+  if (test::sanitized && (name == "leaks_instances" || name == "leaks_on_load" || name == "keeps_body_arrays"))
+    GTEST_SKIP() << "AddressSanitizer has memory of its own";
   const bool generic = std::string(defect.group) == "generic";
   Options options;
   options.library =

@@ -258,7 +258,8 @@ TEST_F(StudyCommand, ComparesColumnsThatOnlySomeRunsWrite) {
                                                  "damage = { plugin = \"rankine\", failure_stress = 1e9, softening = 0.1 }\n"));
   const Outcome whole = cleave("study pieces.toml --out whole");
   ASSERT_EQ(whole.status, 0) << whole.err;
-  for (const std::string& error : table(directory / "whole/results.csv").at("error")) EXPECT_EQ(std::stod(error), 0);
+  const auto results = table(directory / "whole/results.csv");
+  for (const std::string& error : results.at("error")) EXPECT_EQ(std::stod(error), 0);
 }
 
 TEST_F(StudyCommand, TakesEveryEndOfAPointAsAResult) {
